@@ -1,0 +1,189 @@
+"""OpenCL devices: finding them, choosing one, and what isetcl needs to know about it."""
+
+from __future__ import annotations
+
+import functools
+import os
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from isetcl.device import pocl
+from isetcl.device.layout import Precision
+from isetcl.errors import DeviceError, InvalidInputError, check_choice
+
+if TYPE_CHECKING:
+    import pyopencl
+
+ENVIRONMENT_VARIABLE = "ISETCL_DEVICE"
+
+_HOW_TO_GET_ONE = (
+    "install PoCL with `pip install pocl-binary-distribution` (Linux x86-64), with "
+    "`apt install pocl-opencl-icd`, or your graphics driver's OpenCL; `isetcl devices` lists "
+    "what is found"
+)
+
+
+@dataclass(eq=False)
+class Device:
+    """An OpenCL device with its context, its queue and the programs built for it.
+
+    Attributes
+    ----------
+    raw
+        The pyopencl device.
+    index
+        "platform:device", as `choose_device` accepts it.
+    target
+        The processor that kernels are compiled for, where isetcl had to name one.
+    """
+
+    raw: pyopencl.Device
+    index: str
+    target: str | None
+    programs: dict[str, Any] = field(default_factory=dict, repr=False)
+    kernels: dict[tuple[str, str], Any] = field(default_factory=dict, repr=False)
+
+    @property
+    def name(self) -> str:
+        """Name of the device as its driver gives it."""
+        return str(self.raw.name).strip()
+
+    @property
+    def platform(self) -> str:
+        """Name of the OpenCL platform."""
+        return str(self.raw.platform.name).strip()
+
+    @property
+    def driver(self) -> str:
+        """Version of the driver."""
+        return str(self.raw.driver_version).strip()
+
+    @property
+    def is_cpu(self) -> bool:
+        """Whether kernels run on the host's processor."""
+        import pyopencl as cl
+
+        return bool(self.raw.type & cl.device_type.CPU)
+
+    @property
+    def has_double(self) -> bool:
+        """Whether the device computes in float64."""
+        return "cl_khr_fp64" in self.raw.extensions
+
+    @functools.cached_property
+    def context(self) -> pyopencl.Context:
+        """The OpenCL context of this device alone."""
+        import pyopencl as cl
+
+        return cl.Context([self.raw])
+
+    @functools.cached_property
+    def queue(self) -> pyopencl.CommandQueue:
+        """The in-order queue that all work of this process goes through."""
+        import pyopencl as cl
+
+        return cl.CommandQueue(self.context)
+
+    @functools.cached_property
+    def build_options(self) -> tuple[str, ...]:
+        """Compiler options: correctly rounded divisions and roots where they can be asked for."""
+        import pyopencl as cl
+
+        correctly_rounded = cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT
+        options = ["-cl-std=CL1.2"]
+        if self.raw.single_fp_config & correctly_rounded:
+            options.append("-cl-fp32-correctly-rounded-divide-sqrt")
+        return tuple(options)
+
+    def vector_width(self, precision: Precision) -> int:
+        """Lanes of a work-item: 64 floats or 32 doubles on a CPU (four 512-bit registers), else 1."""
+        if not self.is_cpu or self.is_interpreter:
+            return 1
+        return 64 if precision == "single" else 32
+
+    @property
+    def is_interpreter(self) -> bool:
+        """Whether this is Oclgrind, which interprets kernels one work-item at a time."""
+        return "oclgrind" in self.platform.lower()
+
+    def defines(self, precision: Precision, vector_width: int | None = None) -> dict[str, int]:
+        """The compile-time definitions that every kernel on this device needs."""
+        width = self.vector_width(precision) if vector_width is None else vector_width
+        return {
+            "DOUBLE_PRECISION": int(precision == "double"),
+            "WIDTH": width,
+            "CPU_BUILTINS": int(self.is_cpu and not self.is_interpreter),
+        }
+
+    def check_precision(self, precision: Precision) -> None:
+        """Raise DeviceError if the device lacks the precision."""
+        check_choice("precision", precision, ("single", "double"))
+        if precision == "double" and not self.has_double:
+            raise DeviceError(
+                f"device {self.name!r} has no float64 (cl_khr_fp64), asked for precision "
+                "'double'; use precision='single' or another device"
+            )
+
+    def describe(self) -> dict[str, str]:
+        """Names and versions, for provenance and benchmark records."""
+        return {
+            "device": self.name,
+            "platform": self.platform,
+            "driver": self.driver,
+            "opencl": str(self.raw.version).strip(),
+            "target": self.target or "native",
+        }
+
+
+@functools.cache
+def list_devices() -> tuple[Device, ...]:
+    """All OpenCL devices of this machine, in the order of their platforms; may be empty."""
+    import pyopencl as cl
+
+    try:
+        platforms = cl.get_platforms()
+    except cl.LogicError:
+        return ()
+    found = []
+    for p, platform in enumerate(platforms):
+        for d, raw in enumerate(platform.get_devices()):
+            target = None
+            if platform.name == "Portable Computing Language":
+                target = pocl.name_unknown_processor(raw.int_ptr)
+            found.append(Device(raw, f"{p}:{d}", target))
+    return tuple(found)
+
+
+def find_device(wanted: str | None = None) -> Device:
+    """The device that was asked for, or the fastest that passes the self-test.
+
+    Parameters
+    ----------
+    wanted
+        "0:1" (platform and device index) or a part of the platform's or device's name, in any
+        case. None: the environment variable ISETCL_DEVICE, then the fastest.
+
+    Raises
+    ------
+    DeviceError
+        If there is no device, none has the name, or the one asked for fails its self-test.
+    """
+    wanted = wanted if wanted is not None else os.environ.get(ENVIRONMENT_VARIABLE) or None
+    devices = list_devices()
+    if not devices:
+        raise DeviceError(f"no OpenCL device was found; {_HOW_TO_GET_ONE}")
+    from isetcl.device import selftest
+
+    if wanted is None:
+        return selftest.fastest(devices)
+    if not isinstance(wanted, str):
+        raise InvalidInputError(
+            f"device must be a name or an index such as '0:0', got {wanted!r}"
+        )
+    needle = wanted.lower()
+    for device in devices:
+        if device.index == needle or needle in f"{device.platform} {device.name}".lower():
+            selftest.require(device)
+            return device
+    known = "; ".join(f"{d.index} {d.platform}: {d.name}" for d in devices)
+    raise DeviceError(f"no OpenCL device matches {wanted!r}; found {known}")

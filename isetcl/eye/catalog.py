@@ -1,0 +1,174 @@
+"""The model eyes by name: `isetcl.eyes`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from isetcl.errors import InvalidInputError, check_choice, check_finite
+from isetcl.eye.arizona import ArizonaModel
+from isetcl.eye.build import PupilSpec
+from isetcl.eye.legrand import LeGrandState, legrand_eye
+from isetcl.eye.media import AbbeInterpolation
+from isetcl.eye.model import (
+    REFERENCE_WAVELENGTH_NM,
+    AccommodationModel,
+    Eye,
+    FocusCriterion,
+    PupilPlane,
+)
+from isetcl.eye.navarro import Hold, NavarroModel
+from isetcl.units import distance_from_vergence
+
+
+def navarro(
+    pupil_diameter_mm: float = 4.0,
+    accommodation_dpt: float | None = None,
+    *,
+    pupil_plane: PupilPlane = "stop",
+    focus_wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
+    focus_criterion: FocusCriterion = "rms_spot",
+    accommodation_parameter: float | None = None,
+    hold: Hold = "vitreous_depth",
+) -> Eye:
+    """Navarro's wide-angle eye (Escudero-Sanz & Navarro 1999), the paper's table 1.
+
+    Parameters
+    ----------
+    pupil_diameter_mm
+        Diameter of the pupil in `pupil_plane`, mm.
+    accommodation_dpt
+        The eye is in focus for an object at 1/accommodation metres from the corneal vertex, at the
+        focus wavelength and by the criterion. None, the default, is the relaxed eye; that one is
+        focused somewhat in front of infinity (0.42 dpt at a 4 mm stop and 550 nm).
+    pupil_plane
+        ``"stop"`` (the iris, as in the paper) or ``"entrance"`` (what a clinician measures).
+    focus_wavelength_nm, focus_criterion
+        See `Eye.focus_at`.
+    accommodation_parameter
+        Navarro's own parameter A, 0 to 10, instead of `accommodation_dpt`. It is not dioptres:
+        A = 1 focuses at 1.65 dpt.
+    hold
+        What stays when the lens grows: ``"vitreous_depth"`` or ``"axial_length"``; see
+        `NavarroModel`.
+
+    Raises
+    ------
+    FocusError
+        If the eye cannot focus there (the far point at 4 mm is 0.42 dpt, the near point 9.3 dpt).
+    InvalidInputError
+        If an argument breaks its rule, or both accommodations are given.
+    """
+    model = NavarroModel(PupilSpec(pupil_diameter_mm, pupil_plane), hold)
+    return _accommodated(
+        model, accommodation_dpt, accommodation_parameter, focus_wavelength_nm, focus_criterion
+    )
+
+
+def arizona(
+    pupil_diameter_mm: float = 4.0,
+    accommodation_dpt: float | None = None,
+    *,
+    pupil_plane: PupilPlane = "stop",
+    focus_wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
+    focus_criterion: FocusCriterion = "rms_spot",
+    accommodation_parameter: float | None = None,
+    interpolation: AbbeInterpolation = "shifted_cauchy",
+) -> Eye:
+    """The Arizona eye (Schwiegerling 2004), the paper's table 2.
+
+    Parameters
+    ----------
+    pupil_diameter_mm, accommodation_dpt, pupil_plane, focus_wavelength_nm, focus_criterion
+        As in `navarro`.
+    accommodation_parameter
+        The model's own parameter A, 0 to 10, instead of `accommodation_dpt`; near to dioptres for
+        paraxial focus.
+    interpolation
+        How index and Abbe number become a dispersion curve: ``"shifted_cauchy"`` (default),
+        ``"cauchy"`` or ``"linear"`` (ISET3d's straight line); see `AbbeDispersion`.
+
+    Raises
+    ------
+    FocusError, InvalidInputError
+        As in `navarro`.
+    """
+    model = ArizonaModel(PupilSpec(pupil_diameter_mm, pupil_plane), interpolation)
+    return _accommodated(
+        model, accommodation_dpt, accommodation_parameter, focus_wavelength_nm, focus_criterion
+    )
+
+
+def legrand(
+    pupil_diameter_mm: float = 4.0,
+    *,
+    pupil_plane: PupilPlane = "stop",
+    state: LeGrandState = "relaxed",
+) -> Eye:
+    """Le Grand's full theoretical eye, the paper's table 3.
+
+    Parameters
+    ----------
+    pupil_diameter_mm, pupil_plane
+        As in `navarro`.
+    state
+        ``"relaxed"`` or ``"accommodated"`` (Le Grand's second form, about 7 dpt). The model has
+        nothing in between, so it takes no accommodation in dioptres.
+
+    Raises
+    ------
+    InvalidInputError
+        If an argument breaks its rule.
+    """
+    return legrand_eye(PupilSpec(pupil_diameter_mm, pupil_plane), state)
+
+
+_BUILDERS: dict[str, Callable[..., Eye]] = {
+    "navarro": navarro,
+    "arizona": arizona,
+    "legrand": legrand,
+}
+
+
+def names() -> tuple[str, ...]:
+    """The names that `by_name` knows."""
+    return tuple(_BUILDERS)
+
+
+def by_name(
+    name: str, pupil_diameter_mm: float = 4.0, accommodation_dpt: float | None = None
+) -> Eye:
+    """A model eye by its name, "navarro", "arizona" or "legrand".
+
+    Raises
+    ------
+    InvalidInputError
+        If the name is unknown (near matches are named), or the eye cannot accommodate.
+    """
+    builder = _BUILDERS[check_choice("eye", name, names())]
+    if builder is legrand:
+        if accommodation_dpt is not None:
+            raise InvalidInputError(
+                "eye 'legrand' does not accommodate continuously, so accommodation_dpt must be "
+                f"left out, got {accommodation_dpt:g} dpt; use 'navarro' or 'arizona'"
+            )
+        return legrand(pupil_diameter_mm)
+    return builder(pupil_diameter_mm, accommodation_dpt)
+
+
+def _accommodated(
+    model: AccommodationModel,
+    accommodation_dpt: float | None,
+    parameter: float | None,
+    wavelength_nm: float,
+    criterion: FocusCriterion,
+) -> Eye:
+    if accommodation_dpt is not None and parameter is not None:
+        raise InvalidInputError(
+            "give accommodation_dpt or accommodation_parameter, not both, "
+            f"got {accommodation_dpt} and {parameter}"
+        )
+    if accommodation_dpt is None:
+        return model.eye(model.parameter_range[0] if parameter is None else parameter)
+    check_finite("accommodation_dpt", accommodation_dpt, "dpt")
+    relaxed = model.eye(model.parameter_range[0])
+    return relaxed.focus_at(distance_from_vergence(accommodation_dpt), wavelength_nm, criterion)
