@@ -102,6 +102,15 @@ class Device:
         return 64 if precision == "single" else 32
 
     @property
+    def work_group_size(self) -> int:
+        """Work-items of a work-group: never left to the driver.
+
+        PoCL would choose up to 4096 and keep the private arrays of all of them on one stack, which
+        overflows; 16 is as fast as any larger number there.
+        """
+        return 16 if self.is_cpu else 64
+
+    @property
     def is_interpreter(self) -> bool:
         """Whether this is Oclgrind, which interprets kernels one work-item at a time."""
         return "oclgrind" in self.platform.lower()

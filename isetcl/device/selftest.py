@@ -128,7 +128,7 @@ def check_arithmetic(device: Device, precision: Precision) -> list[str]:
     results = cl.Buffer(device.context, cl.mem_flags.WRITE_ONLY, output.nbytes)
     kernel.set_args(*inputs, np.int32(n), results)
     width = device.defines(precision)["WIDTH"]
-    cl.enqueue_nd_range_kernel(device.queue, kernel, (n // width,), None)
+    cl.enqueue_nd_range_kernel(device.queue, kernel, (n // width,), (1,))
     cl.enqueue_copy(device.queue, output, results)
     return _judge(real, a, b, c, output)
 

@@ -148,7 +148,8 @@ class RayTracer:
         With `shared_direction` the first direction serves all rays.
         """
         count = len(origins_mm)
-        padded = -(-count // self._width) * self._width
+        step = self._width * self._device.work_group_size
+        padded = -(-count // step) * step
         if self._shared_direction:
             direction = self._planes(directions[:1], 1)
         else:
@@ -222,8 +223,11 @@ class Trace:
 
         kernel = self._tracer._kernel
         kernel.set_args(*self._arguments)
-        groups = self._rays.padded // self._tracer._width
-        return cl.enqueue_nd_range_kernel(self._tracer._device.queue, kernel, (groups,), None)
+        device = self._tracer._device
+        items = self._rays.padded // self._tracer._width
+        return cl.enqueue_nd_range_kernel(
+            device.queue, kernel, (items,), (device.work_group_size,)
+        )
 
     def fetch(self) -> RayBundle:
         """The results on the host."""

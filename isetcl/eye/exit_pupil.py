@@ -20,7 +20,7 @@ from isetcl.eye.model import Eye
 from isetcl.eye.polynomial import evaluate, fit, unit_nodes
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.rays import RayStatus
-from isetcl.eye.sequential import trace_elements
+from isetcl.eye.sequential import meets_far_side, trace_elements
 
 MARGIN = 1e-5
 """Relative excess of the bound over the outermost ray found. A loose bound is noise: 0.4 % costs
@@ -46,6 +46,8 @@ class ExitPupilBound:
         The smallest fraction of the ellipse that the true outline fills, over the field.
     clipped_elsewhere
         True if a ray inside the bound may be lost other than at the stop.
+    has_far_side
+        True if a ray inside the bound may cross a surface beyond its equator.
     """
 
     z_mm: float
@@ -55,6 +57,7 @@ class ExitPupilBound:
     stretch: np.ndarray
     fill: float
     clipped_elsewhere: bool
+    has_far_side: bool
 
     def area_mm2(self, field_deg: np.ndarray | float) -> np.ndarray:
         """Area of the ellipse for field angles in degrees, mm^2."""
@@ -97,15 +100,18 @@ def exit_pupil_bound(
         fit(s, (tangential - sagittal) / s, tolerance),
         fill=1.0,
         clipped_elsewhere=False,
+        has_far_side=False,
     )
     excess, fill = outline.compare(bound, check)
     grow = max(excess, 1.0) * (1.0 + MARGIN)
+    clipped, far_side = outline.losses(check)
     return dataclasses.replace(
         bound,
         semi=bound.semi * grow,
         stretch=bound.stretch * grow,
         fill=fill / grow**2,
-        clipped_elsewhere=outline.is_clipped(check),
+        clipped_elsewhere=clipped,
+        has_far_side=far_side,
     )
 
 
@@ -120,6 +126,7 @@ class _Outline:
         rear = len(eye.surfaces) - eye.stop_index
         self._to_stop = (*sequence[:rear], _open_plane(sequence[rear]))
         self._through = tuple(sequence)
+        self._open = (*sequence[:rear], _open_plane(sequence[rear]), *sequence[rear + 1 :])
         self._stop_radius = eye.stop.radius_mm
         pupil = eye.exit_pupil(wavelength_nm)
         self.z_mm = pupil.z_mm
@@ -197,14 +204,17 @@ class _Outline:
         polygon = np.sin(np.pi / _AZIMUTHS) / (np.pi / _AZIMUTHS)
         return float(np.max(np.hypot(u, v))), float(np.min(area) / (np.pi * polygon))
 
-    def is_clipped(self, field_deg: np.ndarray) -> bool:
-        """Whether a ray through the stop edge is lost at any other element."""
+    def losses(self, field_deg: np.ndarray) -> tuple[bool, bool]:
+        """Whether rays through the stop edge are lost elsewhere, and whether any meets a far side."""
         if not self.is_complete:
-            return True
+            return True, True
         edge = self.edge(field_deg, _AZIMUTHS).reshape(-1, 2)
         start = self._retina(field_deg, _AZIMUTHS)
-        rays = trace_elements(self._through, start, self._aim(start, edge), "scene")
-        return bool(np.any(~rays.passed & (rays.status != RayStatus.STOPPED)))
+        aim = self._aim(start, edge)
+        rays = trace_elements(self._through, start, aim, "scene")
+        clipped = np.any(~rays.passed & (rays.status != RayStatus.STOPPED))
+        unit = aim / np.linalg.norm(aim, axis=1, keepdims=True)
+        return bool(clipped), bool(np.any(meets_far_side(self._open, start, unit, "scene")))
 
     def _retina(self, field_deg: np.ndarray, repeats: int) -> np.ndarray:
         point = self._map.retinal_point_mm(np.zeros_like(field_deg), field_deg)

@@ -143,6 +143,26 @@ def intersect_conic(
     return local + vertex, approach + step, cosine, gradient, missed
 
 
+def meets_far_side(
+    sequence: tuple[Element, ...], origins_mm: np.ndarray, directions: np.ndarray, towards: Towards
+) -> np.ndarray:
+    """Rays that cross some element beyond its equator, where the other root is the right one, (n,).
+
+    A lost ray counts up to where it is lost.
+    """
+    sense = 1.0 if towards == "retina" else -1.0
+    far = np.zeros(len(origins_mm), dtype=bool)
+    for i, element in enumerate(sequence):
+        rays = trace_elements(sequence[:i], origins_mm, directions, towards)
+        local = rays.positions_mm - np.array([0.0, 0.0, element.vertex_z_mm])
+        local -= np.einsum("ij,ij->i", local, rays.directions)[:, None] * rays.directions
+        scale = np.array([1.0, 1.0, 1.0 + element.conic])
+        across = np.einsum("ij,ij->i", local * scale, rays.directions)
+        f = rays.directions[:, 2] - element.curvature * across
+        far |= rays.passed & (sense * f < 0.0)
+    return far
+
+
 def _refract(
     direction: np.ndarray,
     gradient: np.ndarray,

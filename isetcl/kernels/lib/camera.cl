@@ -1,0 +1,65 @@
+/* camera.cl - from a sample in a retinal pixel to a ray that aims at the stop.
+ *
+ * Positions on the retina are polynomials of the squared field angle; so is the ellipse in the
+ * plane of the exit pupil that the stop fills. Field angles are in units of the largest one.
+ */
+#include "lib/disc.cl"
+#include "lib/polynomial.cl"
+#include "lib/refraction.cl"
+
+/* retinal_point - the point of the retina that a field vector g belongs to; the image is inverted.
+ *
+ * ray out   its origin, mm, eye frame
+ * s         g . g
+ */
+INLINE void retinal_point(constant camera_t *camera, realv gx, realv gy, realv s, rayv *ray) {
+  realv chord = horner(camera->chord, camera->n_chord, s);
+  ray->x = -gx * chord;
+  ray->y = -gy * chord;
+  ray->z = camera->retina_z + horner(camera->depth, camera->n_depth, s);
+}
+
+/* retinal_cosine - |cos| between a direction of length `n` and the retina's normal, times n. */
+INLINE realv retinal_cosine(constant camera_t *camera, const rayv *ray, realv dx, realv dy,
+                            realv dz) {
+  realv gx = -camera->curvature * ray->x;
+  realv gy = -camera->curvature * ray->y;
+  realv gz = mul_add((realv)(-camera->curvature * camera->kappa), ray->z - camera->retina_z,
+                     (realv)1);
+  realv along = -mul_add(gx, dx, mul_add(gy, dy, gz * dz));
+#if HAS_ASPHERIC_RETINA
+  along = along / square_root(mul_add(gx, gx, mul_add(gy, gy, gz * gz)));
+#endif
+  return along;
+}
+
+/* aim_at_pupil - directs a ray at a point of the exit pupil drawn uniformly in its ellipse.
+ *
+ * ray      origin on the retina; direction out, of length n
+ * u, v     point in the unit square
+ *
+ * Returns the weight of the sample: (n'/n)^2 A cos(retina) cos(pupil) / d^2, the irradiance per
+ * unit radiance times the inverse of the density 1/A.  Source: DESIGN, "The life of one ray", 8;
+ * the index factor is conservation of basic radiance.  Probe: tests/probes/camera.cl.
+ */
+INLINE realv aim_at_pupil(constant camera_t *camera, constant pupil_t *pupil, realv gx, realv gy,
+                          realv s, realv u, realv v, rayv *ray) {
+  realv px, py;
+  concentric_disc(u, v, &px, &py);
+  realv semi = horner(pupil->semi, pupil->n_semi, s);
+  realv stretch = horner(pupil->stretch, pupil->n_stretch, s);
+  realv centre = horner(pupil->centre, pupil->n_centre, s);
+  realv along = mul_add(stretch, mul_add(gx, px, gy * py), centre);
+  realv dx = mul_add(semi, px, mul_add(along, gx, -ray->x));
+  realv dy = mul_add(semi, py, mul_add(along, gy, -ray->y));
+  realv dz = pupil->z - ray->z;
+  realv area = semi * mul_add(stretch, s, semi);
+  realv inverse = 1 / square_root(mul_add(dx, dx, mul_add(dy, dy, dz * dz)));
+  realv inverse2 = inverse * inverse;
+  realv cosines = retinal_cosine(camera, ray, dx, dy, dz) * -dz;
+  realv scale = inverse * pupil->index;
+  ray->tx = dx * scale;
+  ray->ty = dy * scale;
+  ray->tz = dz * scale;
+  return pupil->pi_index_ratio2 * area * cosines * (inverse2 * inverse2);
+}

@@ -1,0 +1,150 @@
+"""Bands: groups of wavelengths that share one trace through the lens.
+
+The eye's dispersion is smooth, so the lens is traced for a few wavelengths and each serves its
+neighbours. Every wavelength of the grid belongs to exactly one band, for every number of bands.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from isetcl.errors import check_count
+from isetcl.eye import paraxial
+from isetcl.eye.model import Eye
+from isetcl.retina.grid import RetinalGrid
+from isetcl.units import MM_PER_M
+
+AUTO_LIMIT = 16
+"""Most bands that "auto" chooses; the paper found 8 to 16 sufficient."""
+
+AUTO_TOLERANCE_PIXELS = 0.5
+"""Chromatic displacement inside a band that "auto" accepts, in pixels."""
+
+_ACHROMATIC_PIXELS = 1e-6
+
+
+@dataclass(frozen=True)
+class Band:
+    """Wavelengths `first` to `last` (inclusive indices into the grid), traced at `wavelength_nm`."""
+
+    first: int
+    last: int
+    wavelength_nm: float
+
+    @property
+    def members(self) -> slice:
+        """The wavelengths of the band, as a slice of the grid."""
+        return slice(self.first, self.last + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class BandChoice:
+    """Bands, and the largest chromatic displacement they leave, in pixels."""
+
+    bands: tuple[Band, ...]
+    displacement_pixels: float
+    is_achromatic: bool
+
+
+def choose_bands(
+    eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray, bands: int | Literal["auto"]
+) -> BandChoice:
+    """Contiguous bands over a wavelength grid.
+
+    The displacement of a wavelength is how far its rays land from where the band's wavelength
+    puts them: the change of the blur radius by longitudinal chromatic aberration plus the
+    transverse shift at the edge of the field. The partition makes the largest one smallest.
+
+    Parameters
+    ----------
+    bands
+        A number from 1 to the number of wavelengths, or ``"auto"``: as few as keep the
+        displacement below half a pixel, at most 16; one if the eye is achromatic.
+
+    Raises
+    ------
+    InvalidInputError
+        If the number is out of range.
+    """
+    count = len(wavelengths_nm)
+    position = _chromatic_position(eye, grid, wavelengths_nm)
+    is_achromatic = bool(np.ptp(position) <= _ACHROMATIC_PIXELS)
+    if bands != "auto":
+        wanted = check_count("bands", bands, 1, count)
+        chosen = _partition(wavelengths_nm, position, wanted)
+    elif is_achromatic:
+        chosen = _partition(wavelengths_nm, position, 1)
+    else:
+        for wanted in range(1, min(AUTO_LIMIT, count) + 1):
+            chosen = _partition(wavelengths_nm, position, wanted)
+            if _displacement(chosen, wavelengths_nm, position) <= AUTO_TOLERANCE_PIXELS:
+                break
+    displacement = _displacement(chosen, wavelengths_nm, position)
+    return BandChoice(chosen, displacement, is_achromatic)
+
+
+def _chromatic_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray) -> np.ndarray:
+    """Where each wavelength lands at the edge of field and pupil, in pixels; ascending or flat."""
+    pixel_rad = np.radians(min(grid.pitch_deg))
+    radius_m = eye.entrance_pupil(grid.wavelength_nm).radius_mm / MM_PER_M
+    vergence = np.array([paraxial.object_vergence_dpt(eye, w) for w in wavelengths_nm])
+    arc = float(grid.field_map.arc_mm(grid.limit_deg))
+    lateral = []
+    for wavelength in (wavelengths_nm[0], wavelengths_nm[-1]):
+        chief = eye.field_map(float(wavelength))
+        reach = float(chief.arc_mm(chief.max_field_deg))
+        lateral.append(float(chief.field_deg(min(arc, reach))))
+    transverse_rad = np.radians(abs(lateral[1] - lateral[0]))
+    longitudinal = radius_m * (vergence - vergence[0])
+    span = np.ptp(longitudinal)
+    share = longitudinal / span if span > 0 else np.zeros(len(wavelengths_nm))
+    return (longitudinal + share * transverse_rad) / pixel_rad
+
+
+def _partition(
+    wavelengths_nm: np.ndarray, position: np.ndarray, count: int
+) -> tuple[Band, ...]:
+    """`count` contiguous bands whose largest displacement is smallest (dynamic programming)."""
+    n = len(wavelengths_nm)
+    cost = np.full((n, n), np.inf)
+    for i in range(n):
+        for j in range(i, n):
+            cost[i, j] = _displacement((_band(wavelengths_nm, i, j),), wavelengths_nm, position)
+    best = cost[0].copy()
+    starts = [np.zeros(n, dtype=int)]
+    for _ in range(1, count):
+        following = np.full(n, np.inf)
+        start = np.zeros(n, dtype=int)
+        for j in range(n):
+            for i in range(1, j + 1):
+                worst = max(best[i - 1], cost[i, j])
+                # On a tie take the later start, so that no band swallows its neighbours.
+                if worst <= following[j]:
+                    following[j], start[j] = worst, i
+        best = following
+        starts.append(start)
+    bands: list[Band] = []
+    last = n - 1
+    for start in reversed(starts):
+        first = int(start[last])
+        bands.append(_band(wavelengths_nm, first, last))
+        last = first - 1
+    return tuple(reversed(bands))
+
+
+def _band(wavelengths_nm: np.ndarray, first: int, last: int) -> Band:
+    return Band(first, last, float(np.mean(wavelengths_nm[first : last + 1])))
+
+
+def _displacement(
+    bands: tuple[Band, ...], wavelengths_nm: np.ndarray, position: np.ndarray
+) -> float:
+    """Largest distance of a wavelength's position from that of its band, pixels."""
+    worst = 0.0
+    for band in bands:
+        at = np.interp(band.wavelength_nm, wavelengths_nm, position)
+        worst = max(worst, float(np.max(np.abs(position[band.members] - at))))
+    return worst

@@ -1,0 +1,78 @@
+"""What is compiled into the direct pipeline: one field for every #define."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from isetcl.device.devices import Device
+from isetcl.device.layout import Precision
+
+
+class MaterialKind(IntEnum):
+    """How a shape's colour varies over it. The same numbers are compiled into the kernels."""
+
+    UNIFORM = 0
+    CHECKERBOARD = 1
+    IMAGE = 2
+
+
+@dataclass(frozen=True)
+class KernelConfig:
+    """Compile-time features of the direct pipeline.
+
+    Attributes
+    ----------
+    precision, vector_width
+        Type and lanes of the arithmetic.
+    n_basis
+        Spectra that span the scene: channels of the film.
+    has_conics
+        Some refracting surface is not a sphere.
+    has_aspheric_retina
+        The retina is not a sphere, so its normal has to be normalised.
+    has_far_side
+        Some ray may cross a surface beyond its equator.
+    has_semi_diameters
+        Some ray that passes the stop may be clipped elsewhere.
+    has_patches, has_discs, has_spheres, has_textured_spheres
+        Shapes in the scene.
+    has_checkerboards, has_images
+        Textures in the scene.
+    texture_channels, is_texture_packed
+        Format of image texels: 1 or 3 floats, or 3 channels in one word.
+    """
+
+    precision: Precision
+    vector_width: int
+    n_basis: int = 1
+    has_conics: bool = True
+    has_aspheric_retina: bool = True
+    has_far_side: bool = True
+    has_semi_diameters: bool = True
+    has_patches: bool = True
+    has_discs: bool = True
+    has_spheres: bool = True
+    has_textured_spheres: bool = True
+    has_checkerboards: bool = True
+    has_images: bool = True
+    texture_channels: int = 3
+    is_texture_packed: bool = False
+
+    def defines(self, device: Device) -> dict[str, int]:
+        """The #defines, those of the device included."""
+        return device.defines(self.precision, self.vector_width) | {
+            "N_BASIS": self.n_basis,
+            "HAS_CONICS": int(self.has_conics),
+            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+            "HAS_FAR_SIDE": int(self.has_far_side),
+            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
+            "HAS_PATCHES": int(self.has_patches),
+            "HAS_DISCS": int(self.has_discs),
+            "HAS_SPHERES": int(self.has_spheres),
+            "HAS_TEXTURED_SPHERES": int(self.has_textured_spheres),
+            "HAS_CHECKERBOARDS": int(self.has_checkerboards),
+            "HAS_IMAGES": int(self.has_images),
+            "TEXTURE_CHANNELS": self.texture_channels,
+            "TEXTURE_PACKED": int(self.is_texture_packed),
+        }

@@ -1,0 +1,447 @@
+"""What a scene, an eye and the options need: `isetcl.plan`.
+
+A plan decides what is compiled in, with a reason for each decision. Nothing in it depends on the
+prescription, the pupil or the accommodation, except through features that are needed or not; so
+kernels are not recompiled when those change.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from isetcl.device.devices import Device, find_device
+from isetcl.device.layout import Precision
+from isetcl.errors import InvalidInputError, OutOfMemoryError, check_choice
+from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
+from isetcl.eye.model import Eye
+from isetcl.eye.throughput import axial_irradiance_per_radiance
+from isetcl.render.bands import BandChoice, choose_bands
+from isetcl.render.kernel_config import KernelConfig
+from isetcl.retina.grid import RetinalGrid
+from isetcl.scene.basis import SpectralBasis, spectral_basis
+from isetcl.scene.model import Disc, Scene, Sphere
+from isetcl.scene.texture import Checkerboard, Image
+from isetcl.scene.view import intersect, plane_axes
+from isetcl.spectrum import check_wavelengths, default_wavelengths_nm
+from isetcl.units import MM_PER_M
+
+PACKING_ERROR = 3e-4
+"""Largest root-mean-square error of an 11-11-10 texel (blue, 1/1023/sqrt(12)), of its maximum."""
+
+_TILE_FILM_BYTES = 16 << 20
+_TEXELS_PER_FOOTPRINT = 4
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One thing a plan decided, and why."""
+
+    feature: str
+    choice: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Everything the direct pipeline needs, before any kernel is built.
+
+    Attributes
+    ----------
+    scene, eye, grid
+        What is rendered.
+    wavelengths_nm : ndarray, (wavelengths,)
+    band_choice : BandChoice
+        Groups of wavelengths that share a trace.
+    basis : SpectralBasis
+        The spectra that span the scene.
+    pupils : tuple of ExitPupilBound
+        One for each band.
+    images : tuple of Image or None
+        For each object the picture as it is uploaded.
+    config : KernelConfig
+        What is compiled in.
+    decisions : tuple of Decision
+    tile : (columns, rows)
+        Largest piece of the image rendered by one launch.
+    device : Device
+    """
+
+    scene: Scene
+    eye: Eye
+    grid: RetinalGrid
+    wavelengths_nm: np.ndarray
+    band_choice: BandChoice
+    basis: SpectralBasis
+    pupils: tuple[ExitPupilBound, ...]
+    images: tuple[Image | None, ...]
+    config: KernelConfig
+    decisions: tuple[Decision, ...]
+    tile: tuple[int, int]
+    device: Device
+
+    def explain(self) -> str:
+        """The decisions as a table: what, how, why."""
+        widths = [max(len(getattr(d, f)) for d in self.decisions) for f in ("feature", "choice")]
+        return "\n".join(
+            f"{d.feature:<{widths[0]}}  {d.choice:<{widths[1]}}  {d.reason}" for d in self.decisions
+        )
+
+    @functools.cached_property
+    def expansion(self) -> np.ndarray:
+        """Matrix from film channels (band, basis) to spectral irradiance, (wavelengths, channels).
+
+        A wavelength takes its band's film, its own spectra, and a factor for the small difference
+        of the eye's throughput on axis between the wavelength and its band.
+        """
+        n_basis = len(self.basis.spectra)
+        matrix = np.zeros((len(self.wavelengths_nm), len(self.band_choice.bands) * n_basis))
+        for b, band in enumerate(self.band_choice.bands):
+            traced = axial_irradiance_per_radiance(self.eye, band.wavelength_nm)
+            for i in range(band.first, band.last + 1):
+                own = axial_irradiance_per_radiance(self.eye, float(self.wavelengths_nm[i]))
+                row = self.basis.spectra[:, i] * (own / traced)
+                matrix[i, b * n_basis : (b + 1) * n_basis] = row
+        return matrix
+
+
+def plan(
+    scene: Scene,
+    eye: Eye,
+    *,
+    fov_deg: float | tuple[float, float] = 10.0,
+    resolution: int | tuple[int, int] = 256,
+    centre_deg: tuple[float, float] = (0.0, 0.0),
+    wavelengths_nm: np.ndarray | None = None,
+    bands: int | Literal["auto"] = "auto",
+    precision: Precision | Literal["auto"] = "auto",
+    expected_error: float = 0.01,
+    device: str | None = None,
+) -> Plan:
+    """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
+
+    Parameters
+    ----------
+    expected_error
+        Relative error the image will have; decides whether packed textures are harmless.
+
+    Raises
+    ------
+    InvalidInputError, DeviceError, OutOfMemoryError
+        Everything that can be known to be wrong before a kernel is built.
+    """
+    if not isinstance(scene, Scene):
+        raise InvalidInputError(f"scene must be an isetcl Scene, got {type(scene).__name__}")
+    if not isinstance(eye, Eye):
+        raise InvalidInputError(f"eye must be an isetcl Eye, got {type(eye).__name__}")
+    grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
+    wavelengths = check_wavelengths(
+        default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
+    )
+    _check_wavelength_range(eye, wavelengths)
+    basis = spectral_basis(scene, wavelengths)
+    chosen_device = find_device(device)
+    notes: list[Decision] = []
+    resolved = _decide_precision(precision, chosen_device, grid, notes)
+    choice = _decide_bands(eye, grid, wavelengths, bands, notes)
+    pupils = tuple(
+        exit_pupil_bound(eye, band.wavelength_nm, grid.field_map, grid.limit_deg)
+        for band in choice.bands
+    )
+    images = tuple(_uploaded_image(scene, i, grid, notes) for i in range(len(scene.objects)))
+    config = KernelConfig(
+        precision=resolved,
+        vector_width=_decide_width(chosen_device, resolved, notes),
+        n_basis=_decide_basis(basis, notes),
+        **_decide_eye(eye, pupils, notes),
+        **_decide_shapes(scene, notes),
+        **_decide_textures(scene, images, resolved, expected_error, notes),
+    )
+    tile = _decide_tile(grid, config, len(choice.bands), notes)
+    return Plan(
+        scene,
+        eye,
+        grid,
+        wavelengths,
+        choice,
+        basis,
+        pupils,
+        images,
+        config,
+        tuple(notes),
+        tile,
+        chosen_device,
+    )
+
+
+def _check_wavelength_range(eye: Eye, wavelengths_nm: np.ndarray) -> None:
+    low, high = eye.wavelength_range_nm()
+    if wavelengths_nm[0] < low or wavelengths_nm[-1] > high:
+        raise InvalidInputError(
+            f"wavelengths_nm must lie between {low:g} and {high:g} nm, where the media of eye "
+            f"{eye.name!r} are defined, got {wavelengths_nm[0]:g} to {wavelengths_nm[-1]:g} nm"
+        )
+
+
+def _decide_precision(
+    precision: Precision | Literal["auto"], device: Device, grid: RetinalGrid, notes: list[Decision]
+) -> Precision:
+    check_choice("precision", precision, ("auto", "single", "double"))
+    if precision == "auto":
+        pixel_um = 1000.0 * min(grid.pitch_deg) * float(grid.field_map.mm_per_deg(0.0))
+        reason = (
+            f"rounding moves rays by 0.005 um at most, a pixel is {pixel_um:.3g} um wide"
+        )
+        notes.append(Decision("precision", "single", reason))
+        return "single"
+    device.check_precision(precision)
+    notes.append(Decision("precision", precision, "asked for"))
+    return precision
+
+
+def _decide_bands(
+    eye: Eye,
+    grid: RetinalGrid,
+    wavelengths_nm: np.ndarray,
+    bands: int | Literal["auto"],
+    notes: list[Decision],
+) -> BandChoice:
+    choice = choose_bands(eye, grid, wavelengths_nm, bands)
+    count = len(choice.bands)
+    if len(wavelengths_nm) == 1:
+        reason = "the image has one wavelength"
+    elif bands != "auto":
+        reason = f"asked for; chromatic displacement inside a band {choice.displacement_pixels:.2g} pixels"
+    elif choice.is_achromatic:
+        reason = "the eye bends all wavelengths alike"
+    else:
+        reason = (
+            f"{len(wavelengths_nm)} wavelengths; chromatic displacement inside a band "
+            f"{choice.displacement_pixels:.2g} pixels"
+        )
+    notes.append(Decision("bands", str(count), reason))
+    return choice
+
+
+def _decide_width(device: Device, precision: Precision, notes: list[Decision]) -> int:
+    width = device.vector_width(precision)
+    reason = "a GPU's lanes are its work-items" if width == 1 else "four hardware vectors side by side"
+    if width == 1 and device.is_cpu:
+        reason = "this device interprets kernels"
+    notes.append(Decision("vector width", str(width), reason))
+    return width
+
+
+def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
+    count = len(basis.spectra)
+    reason = (
+        "all light in the scene has one spectrum: one channel serves every wavelength"
+        if count == 1
+        else f"{count} spectra span all light in the scene"
+    )
+    notes.append(Decision("spectra", str(count), reason))
+    return count
+
+
+def _left_out(notes: list[Decision], feature: str, needed: bool, why: str, why_not: str) -> bool:
+    notes.append(Decision(feature, "in" if needed else "left out", why if needed else why_not))
+    return needed
+
+
+def _decide_eye(
+    eye: Eye, pupils: tuple[ExitPupilBound, ...], notes: list[Decision]
+) -> dict[str, bool]:
+    conic = [s.name for s in eye.surfaces if s.conic != 0 and s.curvature != 0]
+    fill = min(p.fill for p in pupils)
+    notes.append(
+        Decision("pupil sampling", "exit pupil", f"{100 * fill:.3g} % of the rays pass the stop")
+    )
+    return {
+        "has_conics": _left_out(
+            notes,
+            "conic surfaces",
+            bool(conic),
+            ", ".join(conic),
+            "every refracting surface is a sphere or a plane",
+        ),
+        "has_aspheric_retina": _left_out(
+            notes,
+            "aspheric retina",
+            eye.retina.conic != 0,
+            "the retina is not a sphere",
+            "the retina is a sphere",
+        ),
+        "has_far_side": _left_out(
+            notes,
+            "far sides of surfaces",
+            any(p.has_far_side for p in pupils),
+            "at this field angle rays may cross a surface beyond its equator",
+            "no ray crosses a surface beyond its equator at these field angles",
+        ),
+        "has_semi_diameters": _left_out(
+            notes,
+            "clipping at surfaces",
+            any(p.clipped_elsewhere for p in pupils),
+            "rays that pass the stop may miss or leave a surface",
+            "every ray that passes the stop passes all surfaces",
+        ),
+    }
+
+
+def _decide_shapes(scene: Scene, notes: list[Decision]) -> dict[str, bool]:
+    shapes = [item.shape for item in scene.objects]
+    discs = sum(isinstance(s, Disc) for s in shapes)
+    spheres = sum(isinstance(s, Sphere) for s in shapes)
+    quads = len(shapes) - discs - spheres
+    textured = sum(
+        isinstance(item.shape, Sphere) and item.material.texture is not None
+        for item in scene.objects
+    )
+    notes.append(
+        Decision("lighting", "emission only", "every surface sends out light by itself: no shadow rays")
+    )
+    none = "none in the scene"
+    return {
+        "has_patches": _left_out(
+            notes, "flat shapes", quads + discs > 0, f"{quads} quads, {discs} discs", none
+        ),
+        "has_discs": _left_out(notes, "discs", discs > 0, f"{discs} in the scene", none),
+        "has_spheres": _left_out(notes, "spheres", spheres > 0, f"{spheres} in the scene", none),
+        "has_textured_spheres": _left_out(
+            notes, "textured spheres", textured > 0, f"{textured} in the scene", none
+        ),
+    }
+
+
+def _decide_textures(
+    scene: Scene,
+    images: tuple[Image | None, ...],
+    precision: Precision,
+    expected_error: float,
+    notes: list[Decision],
+) -> dict[str, bool | int]:
+    boards = sum(isinstance(item.material.texture, Checkerboard) for item in scene.objects)
+    pictures = [image for image in images if image is not None]
+    channels = max((image.channels for image in pictures), default=1)
+    is_packed = channels == 3 and precision == "single" and expected_error > 5 * PACKING_ERROR
+    _left_out(notes, "checkerboards", boards > 0, f"{boards} in the scene", "none in the scene")
+    _left_out(notes, "images", bool(pictures), f"{len(pictures)} in the scene", "none in the scene")
+    if pictures:
+        reason = (
+            f"11-11-10 bits: wrong by {PACKING_ERROR:g}, the image by {expected_error:.2g}"
+            if is_packed
+            else "one word a texel is exact for grey"
+            if channels == 1
+            else f"an error of {expected_error:.2g} is expected; packing would add {PACKING_ERROR:g}"
+        )
+        notes.append(Decision("texels", "packed" if is_packed else "float", reason))
+    return {
+        "has_checkerboards": boards > 0,
+        "has_images": bool(pictures),
+        "texture_channels": channels,
+        "is_texture_packed": is_packed,
+    }
+
+
+def _uploaded_image(
+    scene: Scene, index: int, grid: RetinalGrid, notes: list[Decision]
+) -> Image | None:
+    """The picture of an object, averaged down where a pixel covers many of its texels."""
+    item = scene.objects[index]
+    image = item.material.texture
+    if not isinstance(image, Image):
+        return None
+    footprint = _texels_per_pixel(scene, index, image, grid)
+    times = max(0, math.floor(math.log2(max(footprint, 1.0) / _TEXELS_PER_FOOTPRINT)))
+    if times > 0:
+        reason = f"a pixel covers {footprint:.3g} texels of {item.name!r} across"
+        notes.append(Decision("texture filter", f"1/{1 << times}", reason))
+    return image.halved(times)
+
+
+def _texels_per_pixel(scene: Scene, index: int, image: Image, grid: RetinalGrid) -> float:
+    """Texels across the footprint of a pixel on the nearest visible part of an object."""
+    shape = scene.objects[index].shape
+    step_x, step_y = (max(1, n // 64) for n in grid.resolution)
+    directions = grid.directions()[::step_y, ::step_x]
+    pupil_m = grid.eye.entrance_pupil(grid.wavelength_nm).z_mm / MM_PER_M
+    hits = intersect(shape, np.array([0.0, 0.0, pupil_m]), directions)
+    nearest = float(np.min(hits.distance_m))
+    if not math.isfinite(nearest):
+        return 1.0
+    footprint_m = nearest * math.radians(min(grid.pitch_deg))
+    rows, columns = image.shape
+    if isinstance(shape, Sphere):
+        texel_m = shape.radius_m * math.pi * max(2.0 / columns, 1.0 / rows)
+    else:
+        quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
+        _, axis_u, axis_v = plane_axes(quad)
+        texel_m = max(
+            1.0 / (columns * float(np.linalg.norm(axis_u))),
+            1.0 / (rows * float(np.linalg.norm(axis_v))),
+        )
+    return footprint_m / texel_m
+
+
+def _decide_tile(
+    grid: RetinalGrid, config: KernelConfig, n_bands: int, notes: list[Decision]
+) -> tuple[int, int]:
+    """Columns and rows of a tile whose film fits the device comfortably."""
+    columns, rows = grid.resolution
+    bytes_per_pixel = n_bands * config.n_basis * (4 if config.precision == "single" else 8)
+    pixels = max(config.vector_width, _TILE_FILM_BYTES // bytes_per_pixel)
+    width = min(columns, max(1, pixels))
+    height = min(rows, max(1, pixels // width))
+    if width == columns and height == rows:
+        reason = "the whole image fits"
+    else:
+        reason = f"the film of a tile takes {width * height * bytes_per_pixel / 2**20:.3g} MB"
+    notes.append(Decision("tile", f"{width} x {height}", reason))
+    return width, height
+
+
+def check_memory(plan: Plan) -> None:
+    """Raise OutOfMemoryError, naming a resolution that fits, if the image needs more than there is.
+
+    Raises
+    ------
+    OutOfMemoryError
+    """
+    available = _available_bytes()
+    columns, rows = plan.grid.resolution
+    per_pixel = bytes_per_pixel(plan)
+    needed = columns * rows * per_pixel
+    if needed > available:
+        fits = int(math.sqrt(available / per_pixel * columns / rows))
+        raise OutOfMemoryError(
+            f"an image of {columns} x {rows} pixels and {len(plan.wavelengths_nm)} wavelengths "
+            f"needs {needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are free; "
+            f"about {fits} x {fits * rows // columns} pixels would fit, or use fewer wavelengths"
+        )
+
+
+def bytes_per_pixel(plan: Plan) -> int:
+    """Host memory an image takes while it is rendered, bytes a pixel."""
+    channels = plan.expansion.shape[1]
+    wavelengths = len(plan.wavelengths_nm)
+    tracked = 1 + (channels if plan.config.n_basis == 1 else wavelengths)
+    result = wavelengths * 2 * (4 if plan.config.precision == "single" else 8)
+    return channels * 8 + tracked * 8 + 2 * result
+
+
+def _available_bytes() -> int:
+    """Free physical memory, or a large number where it cannot be known."""
+    try:
+        with open("/proc/meminfo", encoding="ascii") as lines:
+            for line in lines:
+                if line.startswith("MemAvailable:"):
+                    return int(line.split()[1]) * 1024
+    except OSError:
+        pass
+    return 1 << 62
+
+

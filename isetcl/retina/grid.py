@@ -1,0 +1,160 @@
+"""The pixels of a retinal image: equal steps of visual angle, each a small patch of retina.
+
+The grid is laid out in polar field angles at a reference wavelength (see isetcl/eye/field.py).
+Row 0 is the top of the visual field and column 0 its left, so an image of the grid is upright
+although the retina's is inverted. A pixel stands for the patch of retina whose chief rays come
+from its directions; its value is the mean irradiance over the patch.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from isetcl.errors import InvalidInputError, check_count, check_finite, check_positive
+from isetcl.eye.field import FieldMap, direction_from_field
+from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.polynomial import fit, unit_nodes
+
+MAX_PIXELS_PER_SIDE = 32768
+
+_FIT_TOLERANCE_MM = 1e-9
+_FIT_NODES = 24
+
+
+@dataclass(frozen=True)
+class RetinalGrid:
+    """A rectangular grid of retinal pixels.
+
+    Parameters
+    ----------
+    eye
+        The eye whose retina it is.
+    fov_deg
+        Width and height in degrees of field angle.
+    resolution
+        Columns and rows.
+    centre_deg
+        Field angles (x, y) of the middle.
+    wavelength_nm
+        Reference wavelength of the chief rays that label the pixels.
+    """
+
+    eye: Eye
+    fov_deg: tuple[float, float]
+    resolution: tuple[int, int]
+    centre_deg: tuple[float, float] = (0.0, 0.0)
+    wavelength_nm: float = REFERENCE_WAVELENGTH_NM
+
+    def __post_init__(self) -> None:
+        limit = self.field_map.max_field_deg
+        if self.limit_deg > limit:
+            raise InvalidInputError(
+                f"the corners of the image lie {self.limit_deg:.3g} deg from the optical axis, but "
+                f"chief rays enter eye {self.eye.name!r} only out to {limit:.4g} deg; "
+                "reduce fov_deg or centre_deg"
+            )
+
+    @classmethod
+    def of(
+        cls,
+        eye: Eye,
+        fov_deg: float | tuple[float, float],
+        resolution: int | tuple[int, int],
+        centre_deg: tuple[float, float] = (0.0, 0.0),
+    ) -> RetinalGrid:
+        """A grid from the arguments of `render`: numbers mean squares.
+
+        Raises
+        ------
+        InvalidInputError
+            If a size is not positive, or the corners lie outside the eye's field.
+        """
+        columns, rows = resolution if isinstance(resolution, tuple) else (resolution, resolution)
+        columns = check_count("resolution (columns)", columns, 1, MAX_PIXELS_PER_SIDE)
+        rows = check_count("resolution (rows)", rows, 1, MAX_PIXELS_PER_SIDE)
+        if isinstance(fov_deg, tuple):
+            width, height = fov_deg
+        else:
+            width = check_positive("fov_deg", fov_deg, "deg")
+            height = width * rows / columns
+        width = check_positive("fov_deg (width)", width, "deg")
+        height = check_positive("fov_deg (height)", height, "deg")
+        centre = (
+            check_finite("centre_deg (x)", centre_deg[0], "deg"),
+            check_finite("centre_deg (y)", centre_deg[1], "deg"),
+        )
+        return cls(eye, (width, height), (columns, rows), centre)
+
+    @property
+    def field_map(self) -> FieldMap:
+        """The chief-ray map that labels the pixels."""
+        return self.eye.field_map(self.wavelength_nm)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.resolution[1], self.resolution[0]
+
+    @property
+    def pitch_deg(self) -> tuple[float, float]:
+        """Width and height of a pixel, degrees."""
+        return self.fov_deg[0] / self.resolution[0], self.fov_deg[1] / self.resolution[1]
+
+    @property
+    def left_deg(self) -> float:
+        """Field angle x of the left border."""
+        return self.centre_deg[0] - self.fov_deg[0] / 2.0
+
+    @property
+    def top_deg(self) -> float:
+        """Field angle y of the upper border."""
+        return self.centre_deg[1] + self.fov_deg[1] / 2.0
+
+    @property
+    def x_deg(self) -> np.ndarray:
+        """Field angles x of the pixel centres, ascending, shape (columns,)."""
+        return self.left_deg + (np.arange(self.resolution[0]) + 0.5) * self.pitch_deg[0]
+
+    @property
+    def y_deg(self) -> np.ndarray:
+        """Field angles y of the pixel centres, descending, shape (rows,)."""
+        return self.top_deg - (np.arange(self.resolution[1]) + 0.5) * self.pitch_deg[1]
+
+    @functools.cached_property
+    def limit_deg(self) -> float:
+        """Largest field angle on the grid, at a corner."""
+        x = np.array([self.left_deg, self.left_deg + self.fov_deg[0]])
+        y = np.array([self.top_deg, self.top_deg - self.fov_deg[1]])
+        return float(np.max(np.hypot(x[:, None], y[None, :])))
+
+    def directions(self) -> np.ndarray:
+        """Unit vectors towards the scene of the pixel centres, shape (rows, columns, 3)."""
+        return direction_from_field(self.x_deg[None, :], self.y_deg[:, None])
+
+    def positions_mm(self) -> tuple[np.ndarray, np.ndarray]:
+        """Retinal arc-length coordinates (x, y) of the pixel centres, mm, each (rows, columns).
+
+        Polar about the retinal vertex, in the eye frame: the point that sees up lies at y < 0.
+        """
+        x, y = np.meshgrid(self.x_deg, self.y_deg)
+        field = np.hypot(x, y)
+        scale = -self.field_map.arc_mm(field) / np.where(field > 0, field, 1.0)
+        return x * scale, y * scale
+
+    def polynomials(self) -> tuple[np.ndarray, np.ndarray]:
+        """The retina as the kernels see it, in g = field vector / `limit_deg` and s = g . g.
+
+        Returns
+        -------
+        chord : coefficients in s of height / |g|, mm
+        depth : coefficients in s of z - (z of the retinal vertex), mm
+        """
+        s = unit_nodes(_FIT_NODES)
+        field = self.limit_deg * np.sqrt(s)
+        point = self.field_map.retinal_point_mm(np.zeros_like(field), field)
+        chord = -point[:, 1] / np.sqrt(s)
+        depth = point[:, 2] - self.eye.retina.vertex_z_mm
+        return fit(s, chord, _FIT_TOLERANCE_MM), fit(s, depth, _FIT_TOLERANCE_MM)

@@ -1,0 +1,215 @@
+"""What is looked at: shapes, what they send out, and the scene that holds them.
+
+World frame: metres, right-handed, +x to the viewer's right, +y up; the corneal vertex is the
+origin and the eye looks along -z.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from isetcl.errors import InvalidInputError, check_positive
+from isetcl.scene.texture import Texture
+from isetcl.spectrum import Spectrum
+
+
+def _vector(name: str, value: tuple[float, float, float]) -> tuple[float, float, float]:
+    array = np.asarray(value, dtype=np.float64)
+    if array.shape != (3,) or not np.all(np.isfinite(array)):
+        raise InvalidInputError(f"{name} must be three finite numbers in metres, got {value!r}")
+    return float(array[0]), float(array[1]), float(array[2])
+
+
+@dataclass(frozen=True)
+class Quad:
+    """A parallelogram: a corner and the edges from it, metres. u runs along the first edge."""
+
+    corner_m: tuple[float, float, float]
+    edge_u_m: tuple[float, float, float]
+    edge_v_m: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        for name in ("corner_m", "edge_u_m", "edge_v_m"):
+            object.__setattr__(self, name, _vector(f"quad: {name}", getattr(self, name)))
+        u, v = np.array(self.edge_u_m), np.array(self.edge_v_m)
+        area = np.linalg.norm(np.cross(u, v))
+        if not area > 1e-12 * np.linalg.norm(u) * np.linalg.norm(v):
+            raise InvalidInputError(
+                f"quad: edge_u_m and edge_v_m must span an area, got {self.edge_u_m} and "
+                f"{self.edge_v_m}"
+            )
+
+
+@dataclass(frozen=True)
+class Disc:
+    """A flat disc: centre and radius in metres, and the direction it faces. v points up."""
+
+    centre_m: tuple[float, float, float]
+    radius_m: float
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre_m", _vector("disc: centre_m", self.centre_m))
+        object.__setattr__(self, "normal", _vector("disc: normal", self.normal))
+        check_positive("disc: radius_m", self.radius_m, "m")
+        if not np.any(self.normal):
+            raise InvalidInputError("disc: normal must not be zero, got (0, 0, 0)")
+
+    def bounding_quad(self) -> Quad:
+        """The square around the disc, whose (u, v) are the disc's texture coordinates."""
+        normal = np.array(self.normal) / np.linalg.norm(self.normal)
+        up = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < 0.999 else np.array([0.0, 0.0, -1.0])
+        right = np.cross(up, normal)
+        right *= self.radius_m / np.linalg.norm(right)
+        upward = np.cross(normal, right)
+        corner = np.array(self.centre_m) - right - upward
+        return Quad(tuple(corner), tuple(2.0 * right), tuple(2.0 * upward))
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere: centre and radius in metres. u is longitude about y, v latitude from the south."""
+
+    centre_m: tuple[float, float, float]
+    radius_m: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "centre_m", _vector("sphere: centre_m", self.centre_m))
+        check_positive("sphere: radius_m", self.radius_m, "m")
+
+
+Shape = Quad | Disc | Sphere
+
+
+@dataclass(frozen=True, eq=False)
+class Emission:
+    """A surface that sends out light by itself, alike in all directions and from both sides.
+
+    Parameters
+    ----------
+    radiance
+        Spectral radiance, W m^-2 sr^-1 nm^-1: one spectrum, or three (the primaries) for a
+        coloured image.
+    texture
+        Weights of the radiance over the shape; None is 1 everywhere.
+
+    Raises
+    ------
+    InvalidInputError
+        If the number of spectra is not the number of channels of the texture.
+    """
+
+    radiance: Spectrum | tuple[Spectrum, ...]
+    texture: Texture | None = None
+
+    def __post_init__(self) -> None:
+        channels = 1 if self.texture is None else self.texture.channels
+        if len(self.spectra()) != channels:
+            raise InvalidInputError(
+                f"emission: a texture of {channels} channel(s) needs as many spectra, got "
+                f"{len(self.spectra())}; pass one spectrum, or the three display primaries"
+            )
+
+    def spectra(self) -> tuple[Spectrum, ...]:
+        """Spectral radiance of each channel."""
+        return (self.radiance,) if isinstance(self.radiance, Spectrum) else tuple(self.radiance)
+
+
+@dataclass(frozen=True, eq=False)
+class UnlitReflectance:
+    """A matt surface under an even light of its own, as if painted in that light.
+
+    Parameters
+    ----------
+    reflectance
+        Spectral reflectance, 0 to 1: one spectrum, or three for a coloured image.
+    white
+        Spectral radiance of a perfect white there, W m^-2 sr^-1 nm^-1.
+    texture
+        Weights of the reflectance over the shape; None is 1 everywhere.
+
+    Raises
+    ------
+    InvalidInputError
+        If a reflectance exceeds 1, or the number of spectra is not that of the channels.
+    """
+
+    reflectance: Spectrum | tuple[Spectrum, ...]
+    white: Spectrum
+    texture: Texture | None = None
+
+    def __post_init__(self) -> None:
+        for spectrum in self._reflectances():
+            if np.any(spectrum.values > 1.0):
+                raise InvalidInputError(
+                    f"reflectance {spectrum.name!r} must be <= 1, got {spectrum.values.max():g}"
+                )
+        Emission(self.spectra(), self.texture)
+
+    def _reflectances(self) -> tuple[Spectrum, ...]:
+        single = isinstance(self.reflectance, Spectrum)
+        return (self.reflectance,) if single else tuple(self.reflectance)  # type: ignore[return-value, arg-type]
+
+    def spectra(self) -> tuple[Spectrum, ...]:
+        """Spectral radiance of each channel: reflectance times white, on the finer of the grids."""
+        products = []
+        for reflectance in self._reflectances():
+            grid = np.union1d(reflectance.wavelengths_nm, self.white.wavelengths_nm)
+            low = max(reflectance.wavelengths_nm[0], self.white.wavelengths_nm[0])
+            high = min(reflectance.wavelengths_nm[-1], self.white.wavelengths_nm[-1])
+            grid = grid[(grid >= low) & (grid <= high)]
+            name = f"{reflectance.name} under {self.white.name}"
+            products.append(Spectrum(grid, reflectance.at(grid) * self.white.at(grid), name))
+        return tuple(products)
+
+
+Material = Emission | UnlitReflectance
+
+
+@dataclass(frozen=True, eq=False)
+class SceneObject:
+    """A shape with its material and a name for messages."""
+
+    name: str
+    shape: Shape
+    material: Material
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A set of objects before a background.
+
+    Parameters
+    ----------
+    objects
+        The objects. Where two coincide exactly, the earlier one is seen.
+    background
+        Spectral radiance from directions in which there is nothing, W m^-2 sr^-1 nm^-1; None is
+        black.
+    name
+        For reports.
+    """
+
+    objects: tuple[SceneObject, ...] = ()
+    background: Spectrum | None = None
+    name: str = "scene"
+    _digest: str = field(init=False, repr=False, default="")
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "objects", tuple(self.objects))
+        object.__setattr__(self, "_digest", self._hash())
+
+    def digest(self) -> str:
+        """A hash of everything in the scene, for provenance and caches."""
+        return self._digest
+
+    def _hash(self) -> str:
+        parts = [self.background.digest() if self.background else "black"]
+        for item in self.objects:
+            texture = item.material.texture
+            parts += [repr(item.shape), texture.digest() if texture else "plain"]
+            parts += [spectrum.digest() for spectrum in item.material.spectra()]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

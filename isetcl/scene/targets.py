@@ -1,0 +1,265 @@
+"""Procedural scenes: `isetcl.scenes`.
+
+All stand in front of the eye, which sits at the origin and looks along -z. Sizes are in metres,
+angles in degrees; luminances are those of the white parts.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from isetcl.errors import InvalidInputError, check_between, check_choice, check_positive
+from isetcl.scene.display import display_primaries
+from isetcl.scene.model import Disc, Emission, Quad, Scene, SceneObject
+from isetcl.scene.texture import Checkerboard, Image, Texture
+from isetcl.spectrum import Spectrum
+
+PatternName = Literal["checkerboard", "uniform"]
+
+FIGURE_12_CHECK_M = 10.0 / 1024.0
+"""Side of a check in the paper's Figure 12: 1024 fields across a plane of 10 m (ISET3d,
+slantedBarTexture)."""
+
+_WIDE_DEG = 80.0
+
+
+def uniform(luminance_cd_m2: float = 100.0, spectrum: Spectrum | None = None) -> Scene:
+    """The same radiance from every direction: equal energy, or `spectrum` as it is."""
+    light = Spectrum.equal_energy(luminance_cd_m2) if spectrum is None else spectrum
+    return Scene((), light, "uniform")
+
+
+def point_source(
+    distance_m: float = math.inf,
+    field_deg: tuple[float, float] = (0.0, 0.0),
+    *,
+    diameter_arcmin: float = 1.0,
+    luminance_cd_m2: float = 1e6,
+) -> Scene:
+    """A small bright disc on black, facing the eye.
+
+    Parameters
+    ----------
+    distance_m
+        Distance from the corneal vertex; infinity is placed at 1e6 m, where its vergence is 1e-6
+        dpt.
+    field_deg
+        Direction (x, y), polar field angles.
+    diameter_arcmin
+        Angular diameter.
+    """
+    from isetcl.eye.field import direction_from_field
+
+    distance = 1e6 if distance_m == math.inf else check_positive("distance_m", distance_m, "m")
+    check_between("diameter_arcmin", diameter_arcmin, 1e-3, 600.0, "arcmin")
+    direction = direction_from_field(*np.asarray(field_deg, dtype=np.float64))
+    radius = distance * math.tan(math.radians(diameter_arcmin / 120.0))
+    disc = Disc(tuple(distance * direction), radius, tuple(-direction))
+    light = Emission(Spectrum.equal_energy(luminance_cd_m2))
+    return Scene((SceneObject("point", disc, light),), None, "point source")
+
+
+def slanted_edge(
+    distance_m: float = 1.0,
+    angle_deg: float = 5.0,
+    *,
+    luminance_cd_m2: float = 100.0,
+    contrast: float = 0.98,
+) -> Scene:
+    """A plane, bright left of a straight edge through the axis and dark right of it.
+
+    Parameters
+    ----------
+    distance_m
+        Distance of the plane from the corneal vertex.
+    angle_deg
+        Tilt of the edge from the vertical, anticlockwise.
+    contrast
+        Michelson contrast of the two sides, 0 to 1.
+    """
+    distance = check_positive("distance_m", distance_m, "m")
+    check_between("contrast", contrast, 0.0, 1.0)
+    white = Spectrum.equal_energy(luminance_cd_m2)
+    dark = white.scaled((1.0 - contrast) / (1.0 + contrast))
+    reach = 2.0 * distance * math.tan(math.radians(_WIDE_DEG))
+    return Scene(
+        (
+            SceneObject("bright side", _half_plane(distance, angle_deg, reach), Emission(white)),
+            SceneObject("dark side", _facing_quad(distance, reach, reach), Emission(dark)),
+        ),
+        None,
+        "slanted edge",
+    )
+
+
+def two_planes(
+    near_m: float = 0.5,
+    far_m: float = 2.0,
+    *,
+    texture: PatternName = "checkerboard",
+    check_m: float = FIGURE_12_CHECK_M,
+    dark: float = 0.05,
+    edge_angle_deg: float = 45.0,
+    luminance_cd_m2: float = 100.0,
+    near: Emission | None = None,
+    far: Emission | None = None,
+) -> Scene:
+    """Two planes that face the eye, the near one covering the left half: the paper's Figure 12.
+
+    Parameters
+    ----------
+    near_m, far_m
+        Distances from the corneal vertex, metres.
+    texture
+        ``"checkerboard"`` on both planes, or ``"uniform"`` (near dark, far white).
+    check_m
+        Side of a check in metres, on both planes.
+    dark
+        Weight of the dark checks and of the dark plane.
+    edge_angle_deg
+        Tilt of the near plane's edge from the vertical, anticlockwise; the edge crosses the axis.
+    luminance_cd_m2
+        Of the white parts; equal-energy light.
+    near, far
+        Materials instead of the pattern. They extend over 160 degrees.
+
+    Raises
+    ------
+    InvalidInputError
+        If the near plane is not nearer than the far one, or a number breaks its rule.
+    """
+    distances = check_positive("near_m", near_m, "m"), check_positive("far_m", far_m, "m")
+    if not distances[0] < distances[1]:
+        raise InvalidInputError(
+            f"near_m must be smaller than far_m, got {near_m:g} and {far_m:g} m; swap them"
+        )
+    check_choice("texture", texture, ("checkerboard", "uniform"))
+    check_positive("check_m", check_m, "m")
+    white = Spectrum.equal_energy(luminance_cd_m2)
+    sizes = [2.0 * d * math.tan(math.radians(_WIDE_DEG)) for d in distances]
+    # A whole number of checks, so that the near edge is the edge of a check.
+    sizes = [2.0 * check_m * math.ceil(size / (2.0 * check_m)) for size in sizes]
+
+    def pattern(size: float, weight: float) -> Emission:
+        if texture == "uniform":
+            return Emission(white.scaled(weight))
+        periods = size / (2.0 * check_m)
+        board: Texture = Checkerboard(periods, periods, 1.0, dark)
+        return Emission(white, board)
+
+    near_quad = _half_plane(distances[0], edge_angle_deg, sizes[0])
+    far_quad = _facing_quad(distances[1], sizes[1], sizes[1], edge_angle_deg)
+    return Scene(
+        (
+            SceneObject("near plane", near_quad, near or pattern(sizes[0], dark)),
+            SceneObject("far plane", far_quad, far or pattern(sizes[1], 1.0)),
+        ),
+        None,
+        "two planes",
+    )
+
+
+def image_plane(
+    image: Image, distance_m: float, width_deg: float, *, luminance_cd_m2: float = 100.0
+) -> Scene:
+    """A picture that faces the eye, centred on the axis.
+
+    Parameters
+    ----------
+    image
+        From `load_image`, or linear weights in [0, 1].
+    distance_m
+        Distance from the corneal vertex, metres.
+    width_deg
+        Angle the width subtends at the corneal vertex.
+    luminance_cd_m2
+        Luminance of white (weights 1): D65 from an sRGB display, or equal energy if grey.
+    """
+    distance = check_positive("distance_m", distance_m, "m")
+    width = 2.0 * distance * math.tan(math.radians(check_between("width_deg", width_deg, 0, 170) / 2))
+    rows, columns = image.shape
+    quad = _facing_quad(distance, width, width * rows / columns)
+    material = picture(image, luminance_cd_m2)
+    return Scene((SceneObject(image.name, quad, material),), None, f"image plane {image.name}")
+
+
+def image_planes(
+    near_image: Image,
+    far_image: Image,
+    near_m: float,
+    far_m: float,
+    fov_deg: float,
+    *,
+    luminance_cd_m2: float = 100.0,
+) -> Scene:
+    """Two pictures at two distances; the near one covers the left half of the field.
+
+    The near picture keeps its proportions, is as high as the field and ends at the axis. The far
+    one keeps its proportions and covers the whole field.
+
+    Parameters
+    ----------
+    near_image, far_image
+        From `load_image`.
+    near_m, far_m
+        Distances from the corneal vertex, metres.
+    fov_deg
+        The field the pictures are fitted to.
+    """
+    distances = check_positive("near_m", near_m, "m"), check_positive("far_m", far_m, "m")
+    if not distances[0] < distances[1]:
+        raise InvalidInputError(
+            f"near_m must be smaller than far_m, got {near_m:g} and {far_m:g} m; swap them"
+        )
+    # A little more than the field: blur looks beyond its edges.
+    slope = 2.0 * math.tan(math.radians(check_between("fov_deg", fov_deg, 0.01, 120.0) * 0.55))
+    near_height = slope * distances[0]
+    rows, columns = near_image.shape
+    near_width = near_height * columns / rows
+    near_quad = Quad(
+        (-near_width, -near_height / 2, -distances[0]), (near_width, 0, 0), (0, near_height, 0)
+    )
+    rows, columns = far_image.shape
+    cover = slope * distances[1] * max(1.0, columns / rows)
+    far_quad = _facing_quad(distances[1], cover, cover * rows / columns)
+    return Scene(
+        (
+            SceneObject(f"near: {near_image.name}", near_quad, picture(near_image, luminance_cd_m2)),
+            SceneObject(f"far: {far_image.name}", far_quad, picture(far_image, luminance_cd_m2)),
+        ),
+        None,
+        "image planes",
+    )
+
+
+def picture(image: Image, luminance_cd_m2: float = 100.0) -> Emission:
+    """A picture as an emitter: on an sRGB display if coloured, in equal-energy light if grey."""
+    if image.channels == 1:
+        return Emission(Spectrum.equal_energy(luminance_cd_m2), image)
+    return Emission(display_primaries(luminance_cd_m2), image)
+
+
+def _facing_quad(distance_m: float, width_m: float, height_m: float, turn_deg: float = 0.0) -> Quad:
+    """A rectangle facing the eye, centred on the axis, turned about it."""
+    right, up = _turned_axes(turn_deg)
+    centre = np.array([0.0, 0.0, -distance_m])
+    corner = centre - width_m / 2.0 * right - height_m / 2.0 * up
+    return Quad(tuple(corner), tuple(width_m * right), tuple(height_m * up))
+
+
+def _half_plane(distance_m: float, turn_deg: float, size_m: float) -> Quad:
+    """A square facing the eye whose right edge crosses the axis, turned about the axis."""
+    right, up = _turned_axes(turn_deg)
+    corner = np.array([0.0, 0.0, -distance_m]) - size_m * right - size_m / 2.0 * up
+    return Quad(tuple(corner), tuple(size_m * right), tuple(size_m * up))
+
+
+def _turned_axes(turn_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    turn = math.radians(turn_deg)
+    return (
+        np.array([math.cos(turn), math.sin(turn), 0.0]),
+        np.array([-math.sin(turn), math.cos(turn), 0.0]),
+    )

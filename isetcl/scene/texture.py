@@ -1,0 +1,189 @@
+"""Patterns on shapes: checkerboards and images, as weights between 0 and 1 (or any scale).
+
+Texture coordinates (u, v) run from 0 to 1 over a shape, u to its right and v upwards; row 0 of an
+image is its top.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from isetcl.errors import FileError, InvalidInputError, check_finite, check_positive
+
+
+@dataclass(frozen=True)
+class Checkerboard:
+    """Alternating fields, `periods_u` by `periods_v` dark-bright pairs over the shape.
+
+    Parameters
+    ----------
+    periods_u, periods_v
+        Number of pairs along u and v; need not be whole.
+    bright, dark
+        Weights of the two fields, >= 0. The field at u = v = 0 is bright.
+    """
+
+    periods_u: float
+    periods_v: float
+    bright: float = 1.0
+    dark: float = 0.0
+
+    channels = 1
+
+    def __post_init__(self) -> None:
+        check_positive("checkerboard: periods_u", self.periods_u)
+        check_positive("checkerboard: periods_v", self.periods_v)
+        for name in ("bright", "dark"):
+            if check_finite(f"checkerboard: {name}", getattr(self, name)) < 0:
+                raise InvalidInputError(
+                    f"checkerboard: {name} must be >= 0, got {getattr(self, name):g}"
+                )
+
+    def weights(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Weights at texture coordinates, shape (..., 1)."""
+        parity = np.floor(2.0 * u * self.periods_u) + np.floor(2.0 * v * self.periods_v)
+        return np.where(parity % 2 == 0, self.bright, self.dark)[..., np.newaxis]
+
+    def digest(self) -> str:
+        """A hash of the pattern, for provenance."""
+        return hashlib.sha256(repr(self).encode()).hexdigest()[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """A picture in linear light, interpolated bilinearly between the centres of its texels.
+
+    Parameters
+    ----------
+    texels
+        Weights >= 0, shape (rows, columns) or (rows, columns, 3), row 0 at the top. Linear: a
+        photograph must be decoded from sRGB first, as `load_image` does.
+    name
+        For messages and provenance.
+    """
+
+    texels: np.ndarray
+    name: str = "image"
+
+    def __post_init__(self) -> None:
+        texels = np.asarray(self.texels, dtype=np.float32)
+        if texels.ndim == 3 and texels.shape[2] == 1:
+            texels = texels[..., 0]
+        if texels.ndim not in (2, 3) or texels.size == 0 or texels.shape[2:] not in ((), (3,)):
+            raise InvalidInputError(
+                f"image {self.name!r} must have shape (rows, columns) or (rows, columns, 3), "
+                f"got {texels.shape}"
+            )
+        if not np.all(np.isfinite(texels)) or np.any(texels < 0):
+            raise InvalidInputError(
+                f"image {self.name!r} must be finite and >= 0 (linear light); "
+                "clip or repair it first"
+            )
+        object.__setattr__(self, "texels", texels)
+
+    @property
+    def channels(self) -> int:
+        """1 for a grey image, 3 for a coloured one."""
+        return 1 if self.texels.ndim == 2 else 3
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return int(self.texels.shape[0]), int(self.texels.shape[1])
+
+    def weights(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Weights at texture coordinates, shape (..., channels)."""
+        rows, columns = self.shape
+        x = np.clip(np.asarray(u) * columns - 0.5, 0, columns - 1)
+        y = np.clip((1.0 - np.asarray(v)) * rows - 0.5, 0, rows - 1)
+        left, top = np.floor(x).astype(int), np.floor(y).astype(int)
+        right, low = np.minimum(left + 1, columns - 1), np.minimum(top + 1, rows - 1)
+        fx, fy = (x - left)[..., None], (y - top)[..., None]
+        t = self.texels.reshape(rows, columns, self.channels)
+        upper = t[top, left] * (1 - fx) + t[top, right] * fx
+        lower = t[low, left] * (1 - fx) + t[low, right] * fx
+        return upper * (1 - fy) + lower * fy
+
+    def halved(self, times: int) -> Image:
+        """The image averaged over blocks of 2^times by 2^times texels.
+
+        Rows or columns that do not fill a block are resampled by area, so that the picture keeps
+        its place on the shape.
+        """
+        if times <= 0:
+            return self
+        from skimage.transform import downscale_local_mean, resize
+
+        rows, columns = (max(1, n >> times) for n in self.shape)
+        block = 1 << times
+        if self.shape == (rows * block, columns * block):
+            factors = (block, block) + (1,) * (self.texels.ndim - 2)
+            small = downscale_local_mean(self.texels, factors)
+        else:
+            # Averages of whole blocks after stretching to a multiple of the block size.
+            stretched = resize(
+                self.texels, (rows * block, columns * block), order=1, mode="edge", anti_aliasing=False
+            )
+            factors = (block, block) + (1,) * (self.texels.ndim - 2)
+            small = downscale_local_mean(stretched, factors)
+        return Image(np.maximum(small, 0.0), self.name)
+
+    def digest(self) -> str:
+        """A hash of the texels, for provenance."""
+        return hashlib.sha256(np.ascontiguousarray(self.texels).tobytes()).hexdigest()[:16]
+
+
+Texture = Checkerboard | Image
+
+
+def load_image(path: str | Path) -> Image:
+    """A picture from a file, in linear light: sRGB decoded unless the file holds floats.
+
+    Reads what scikit-image reads (PNG, JPEG, TIFF, ...). An alpha channel is composited on black.
+
+    Raises
+    ------
+    FileError
+        If the file does not exist or is not an image.
+    """
+    from skimage.io import imread
+
+    file = Path(path)
+    if not file.is_file():
+        raise FileError(f"image file {str(file)!r} does not exist")
+    try:
+        raw = np.asarray(imread(file))
+    except Exception as error:
+        # Readers raise what they like; whatever it is, the file is no image.
+        raise FileError(
+            f"image file {str(file)!r} cannot be read as an image ({error}); "
+            "use PNG, JPEG or TIFF"
+        ) from error
+    if raw.ndim not in (2, 3) or (raw.ndim == 3 and raw.shape[2] not in (1, 2, 3, 4)):
+        raise FileError(
+            f"image file {str(file)!r} must hold one grey or RGB picture, got shape {raw.shape}"
+        )
+    return Image(_linear_light(raw), file.name)
+
+
+def _linear_light(raw: np.ndarray) -> np.ndarray:
+    """Linear weights from stored pixels: integers are sRGB codes, floats are linear already."""
+    if raw.dtype == bool:
+        raw = raw.astype(np.uint8) * np.uint8(255)
+    integer = np.issubdtype(raw.dtype, np.integer)
+    scaled = raw.astype(np.float64) / (np.iinfo(raw.dtype).max if integer else 1.0)
+    has_alpha = scaled.ndim == 3 and scaled.shape[2] in (2, 4)
+    colour = scaled[..., :-1] if has_alpha else scaled
+    if integer:
+        colour = decode_srgb(colour)
+    return colour * scaled[..., -1:] if has_alpha else colour
+
+
+def decode_srgb(code: np.ndarray) -> np.ndarray:
+    """Linear light from sRGB values between 0 and 1 (IEC 61966-2-1)."""
+    code = np.asarray(code, dtype=np.float64)
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
