@@ -8,6 +8,8 @@ import math
 
 import numpy as np
 
+from isetcl.eye.exit_pupil import StopOutline
+from isetcl.eye.field import FieldMap
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import ElementKind, elements
 from isetcl.eye.sequential import trace_elements
@@ -24,6 +26,66 @@ def axial_irradiance_per_radiance(eye: Eye, wavelength_nm: float) -> float:
     index = eye.indices(wavelength_nm)
     sine = _marginal_sine(eye, wavelength_nm)
     return math.pi * (float(index[-1]) / float(index[0])) ** 2 * sine**2
+
+
+def irradiance_per_radiance(
+    eye: Eye, wavelength_nm: float, grid_map: FieldMap, field_deg: np.ndarray
+) -> np.ndarray:
+    """Irradiance per unit uniform radiance at the retinal points of field angles, sr.
+
+    The integral of (n'/n)^2 cos(retina) cos(pupil) / d^2 over the part of the exit pupil that each
+    point sees, in polar coordinates about its chief ray: Gauss in radius, even in angle.
+
+    Parameters
+    ----------
+    grid_map
+        The chief-ray map that labels retinal points with field angles.
+    field_deg
+        Field angles, degrees, (n,).
+    """
+    field = np.atleast_1d(np.asarray(field_deg, dtype=np.float64))
+    outline = StopOutline(eye, wavelength_nm, grid_map)
+    edge = outline.edge(field, _AZIMUTHS)
+    if not outline.is_complete:
+        # Points that see the whole stop keep the exact outline.
+        edge = np.concatenate(
+            [StopOutline(eye, wavelength_nm, grid_map).edge(f, _AZIMUTHS) for f in field[:, None]]
+        )
+    nodes, weights = np.polynomial.legendre.leggauss(_RADII)
+    radius, weights = (nodes + 1.0) / 2.0, weights / 2.0
+    middle = edge.mean(axis=1, keepdims=True)
+    spoke = edge - middle
+    points = middle[:, None] + radius[:, None, None] * spoke[:, None]
+    target = np.concatenate([points, np.full((*points.shape[:-1], 1), outline.z_mm)], axis=-1)
+    start = grid_map.retinal_point_mm(np.zeros_like(field), field)[:, None, None, :]
+    ray = target - start
+    distance2 = np.sum(ray * ray, axis=-1)
+    normal = _retinal_normal(eye, start)
+    cosines = np.abs(np.sum(ray * normal, axis=-1)) * np.abs(ray[..., 2]) / distance2
+    # Area element: t dt times the area swept by the spoke per angle.
+    following, previous = np.roll(spoke, -1, axis=1), np.roll(spoke, 1, axis=1)
+    rate = (following - previous) / 2.0
+    swept = np.abs(spoke[..., 0] * rate[..., 1] - spoke[..., 1] * rate[..., 0])
+    element = (weights * radius)[:, None] * swept[:, None, :]
+    index = eye.indices(wavelength_nm)
+    ratio2 = (float(index[-1]) / float(index[0])) ** 2
+    # Central differences see a smooth outline shortened by sin(h) / h.
+    step = 2.0 * np.pi / _AZIMUTHS
+    values = np.sum(element * cosines / distance2, axis=(1, 2)) * step / np.sin(step)
+    return np.asarray(ratio2 * values)
+
+
+_AZIMUTHS = 48
+_RADII = 8
+
+
+def _retinal_normal(eye: Eye, point_mm: np.ndarray) -> np.ndarray:
+    c, kappa = eye.retina.curvature, 1.0 + eye.retina.conic
+    z = point_mm[..., 2] - eye.retina.vertex_z_mm
+    gradient = np.stack(
+        [-c * point_mm[..., 0], -c * point_mm[..., 1], 1.0 - kappa * c * z], axis=-1
+    )
+    return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
 
 
 def _marginal_sine(eye: Eye, wavelength_nm: float) -> float:

@@ -20,7 +20,7 @@ from isetcl.errors import InvalidInputError, OutOfMemoryError, check_choice
 from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
 from isetcl.eye.model import Eye
 from isetcl.eye.throughput import axial_irradiance_per_radiance
-from isetcl.render.bands import BandChoice, choose_bands
+from isetcl.retina.bands import BandChoice, choose_bands
 from isetcl.render.kernel_config import KernelConfig
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis

@@ -71,19 +71,19 @@ def choose_bands(
     """
     count = len(wavelengths_nm)
     position = _chromatic_position(eye, grid, wavelengths_nm)
+    cost = _interval_costs(wavelengths_nm, position)
     is_achromatic = bool(np.ptp(position) <= _ACHROMATIC_PIXELS)
     if bands != "auto":
         wanted = check_count("bands", bands, 1, count)
-        chosen = _partition(wavelengths_nm, position, wanted)
+        chosen = _partition(wavelengths_nm, cost, wanted)
     elif is_achromatic:
-        chosen = _partition(wavelengths_nm, position, 1)
+        chosen = _partition(wavelengths_nm, cost, 1)
     else:
         for wanted in range(1, min(AUTO_LIMIT, count) + 1):
-            chosen = _partition(wavelengths_nm, position, wanted)
-            if _displacement(chosen, wavelengths_nm, position) <= AUTO_TOLERANCE_PIXELS:
+            chosen = _partition(wavelengths_nm, cost, wanted)
+            if _worst(chosen, cost) <= AUTO_TOLERANCE_PIXELS:
                 break
-    displacement = _displacement(chosen, wavelengths_nm, position)
-    return BandChoice(chosen, displacement, is_achromatic)
+    return BandChoice(chosen, _worst(chosen, cost), is_achromatic)
 
 
 def _chromatic_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray) -> np.ndarray:
@@ -104,26 +104,32 @@ def _chromatic_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray)
     return (longitudinal + share * transverse_rad) / pixel_rad
 
 
-def _partition(
-    wavelengths_nm: np.ndarray, position: np.ndarray, count: int
-) -> tuple[Band, ...]:
-    """`count` contiguous bands whose largest displacement is smallest (dynamic programming)."""
+def _interval_costs(wavelengths_nm: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Largest displacement inside a band from i to j, pixels, (n, n); infinite for j < i."""
     n = len(wavelengths_nm)
     cost = np.full((n, n), np.inf)
+    sums = np.concatenate([[0.0], np.cumsum(wavelengths_nm)])
     for i in range(n):
-        for j in range(i, n):
-            cost[i, j] = _displacement((_band(wavelengths_nm, i, j),), wavelengths_nm, position)
+        length = np.arange(1, n - i + 1)
+        at = np.interp((sums[i + 1 :] - sums[i]) / length, wavelengths_nm, position)
+        # The position changes monotonically, so that the ends of a band lie farthest out.
+        cost[i, i:] = np.maximum(np.abs(position[i] - at), np.abs(position[i:] - at))
+    return cost
+
+
+def _partition(wavelengths_nm: np.ndarray, cost: np.ndarray, count: int) -> tuple[Band, ...]:
+    """`count` contiguous bands whose largest displacement is smallest (dynamic programming)."""
+    n = len(wavelengths_nm)
     best = cost[0].copy()
     starts = [np.zeros(n, dtype=int)]
     for _ in range(1, count):
         following = np.full(n, np.inf)
         start = np.zeros(n, dtype=int)
-        for j in range(n):
-            for i in range(1, j + 1):
-                worst = max(best[i - 1], cost[i, j])
-                # On a tie take the later start, so that no band swallows its neighbours.
-                if worst <= following[j]:
-                    following[j], start[j] = worst, i
+        for j in range(1, n):
+            worst = np.maximum(best[:j], cost[1 : j + 1, j])
+            # On a tie take the later start, so that no band swallows its neighbours.
+            i = j - 1 - int(np.argmin(worst[::-1]))
+            following[j], start[j] = worst[i], i + 1
         best = following
         starts.append(start)
     bands: list[Band] = []
@@ -139,12 +145,6 @@ def _band(wavelengths_nm: np.ndarray, first: int, last: int) -> Band:
     return Band(first, last, float(np.mean(wavelengths_nm[first : last + 1])))
 
 
-def _displacement(
-    bands: tuple[Band, ...], wavelengths_nm: np.ndarray, position: np.ndarray
-) -> float:
-    """Largest distance of a wavelength's position from that of its band, pixels."""
-    worst = 0.0
-    for band in bands:
-        at = np.interp(band.wavelength_nm, wavelengths_nm, position)
-        worst = max(worst, float(np.max(np.abs(position[band.members] - at))))
-    return worst
+def _worst(bands: tuple[Band, ...], cost: np.ndarray) -> float:
+    """Largest displacement inside any band, pixels."""
+    return max(float(cost[band.first, band.last]) for band in bands)

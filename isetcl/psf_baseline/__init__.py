@@ -1,0 +1,11 @@
+"""Approximations of the retinal image by depth-dependent point spread functions.
+
+This package never touches OpenCL or the renderer: a baseline that shared code with the method it
+judges would prove nothing.
+"""
+
+from isetcl.psf_baseline.methods import Method, methods
+from isetcl.psf_baseline.psf import Psf, geometric_psf
+from isetcl.psf_baseline.render import render
+
+__all__ = ["Method", "Psf", "geometric_psf", "methods", "render"]

@@ -1,0 +1,72 @@
+"""Sums over replicates: the image, and how sure it is.
+
+A replicate is an independently scrambled copy of the whole sampling; the spread of replicate means
+is the only honest measure of the error of quasi-random samples. Sums are float64.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+class TileAccumulator:
+    """Replicates of one tile.
+
+    Parameters
+    ----------
+    tracked : ndarray, (quantities, channels)
+        Linear combinations of film channels whose standard error is wanted.
+    """
+
+    def __init__(self, tracked: np.ndarray) -> None:
+        self._tracked = tracked
+        self._sum: np.ndarray | None = None
+        self._samples = 0
+        self._replicates = 0
+        # Squares are summed about the first replicate, so that they do not cancel.
+        self._pivot: np.ndarray | None = None
+        self._squares: np.ndarray | None = None
+
+    @property
+    def replicates(self) -> int:
+        """Replicates added so far."""
+        return self._replicates
+
+    @property
+    def samples(self) -> int:
+        """Samples a pixel and band added so far."""
+        return self._samples
+
+    def add(self, film: np.ndarray, samples: int) -> None:
+        """Add the mean film (channels, rows, columns) of a replicate of so many samples."""
+        quantities = np.tensordot(self._tracked, film, axes=1)
+        if self._sum is None or self._pivot is None or self._squares is None:
+            self._sum = film * samples
+            self._pivot = quantities
+            self._squares = np.zeros_like(quantities)
+        else:
+            self._sum += film * samples
+            quantities -= self._pivot
+            quantities *= quantities
+            self._squares += quantities
+        self._samples += samples
+        self._replicates += 1
+
+    def film(self) -> np.ndarray:
+        """Mean film, (channels, rows, columns)."""
+        assert self._sum is not None
+        return self._sum / self._samples
+
+    def standard_error(self) -> np.ndarray:
+        """Standard error of the tracked quantities, (quantities, rows, columns).
+
+        sqrt(sum (x_r - mean)^2 / (R (R - 1))) over R replicates of equal size; NaN for one.
+        """
+        assert self._pivot is not None
+        assert self._squares is not None
+        n = self._replicates
+        if n < 2:
+            return np.full_like(self._pivot, np.nan)
+        offset = np.tensordot(self._tracked, self.film(), axes=1) - self._pivot
+        spread = np.maximum(self._squares - n * offset * offset, 0.0)
+        return np.sqrt(spread / (n * (n - 1)))

@@ -1,0 +1,33 @@
+"""How samples are divided into replicates, and how many are needed.
+
+Owen-scrambled points lose their gain in short pieces, so a replicate has at least 32 samples where
+there are enough; the standard error needs at least two replicates.
+"""
+
+from __future__ import annotations
+
+import math
+
+MIN_REPLICATE_SPP = 32
+MAX_REPLICATES = 8
+PILOT_REPLICATES = 2
+
+_ERROR_EXPONENT = 0.6
+"""Measured fall of the error with samples on scenes with edges: N^-0.6."""
+
+
+def split(spp: int) -> list[int]:
+    """Sizes of the replicates of a render with a fixed number of samples a pixel, spp >= 2."""
+    replicates = min(max(spp // MIN_REPLICATE_SPP, 2), MAX_REPLICATES)
+    size, rest = divmod(spp, replicates)
+    return [size + (i < rest) for i in range(replicates)]
+
+
+def replicate_size_for(spp: float) -> int:
+    """Size of equal replicates for a render expected to need `spp` samples a pixel."""
+    return max(MIN_REPLICATE_SPP, math.ceil(spp / MAX_REPLICATES))
+
+
+def samples_for_error(spp: int, error: float, target: float) -> float:
+    """Samples a pixel expected to bring the error to its target, from the error at `spp`."""
+    return spp * max(1.0, error / target) ** (1.0 / _ERROR_EXPONENT)
