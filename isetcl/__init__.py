@@ -1,7 +1,6 @@
-"""isetcl: retinal images by spectral ray tracing through model eyes, and how far PSF methods are off.
+"""isetcl: retinal images by spectral ray tracing through model eyes, and by PSF convolution.
 
-The public names are listed in `__all__`; they are imported when first used, so that importing
-isetcl costs little.
+Importing isetcl is cheap: OpenCL, scipy, xarray and colour-science are imported when they are used.
 """
 
 from __future__ import annotations
@@ -9,66 +8,94 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from isetcl.errors import (
+    DeviceError,
+    FileError,
+    FocusError,
+    InvalidInputError,
+    IsetclError,
+    KernelBuildError,
+    OutOfMemoryError,
+)
+from isetcl.eye import catalog as eyes
+from isetcl.eye.media import (
+    AbbeDispersion,
+    ConstantIndex,
+    CornuDispersion,
+    Medium,
+    NavarroDispersion,
+)
+from isetcl.eye.model import Eye, Retina, Stop, Surface
+from isetcl.eye.rays import RayBundle, RayStatus
+
+# The function `render` takes the place of the package of the same name as an attribute of isetcl;
+# `from isetcl.render.plan import ...` goes on working.
+from isetcl.render.plan import Plan, plan
+from isetcl.render.render import render
+from isetcl.render.trace import trace_rays
+from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.image import RetinalImage
+from isetcl.scene import targets as scenes
+from isetcl.scene.model import (
+    Disc,
+    Emission,
+    Quad,
+    Scene,
+    SceneObject,
+    Sphere,
+    UnlitReflectance,
+)
+from isetcl.scene.texture import Checkerboard, Image, load_image
+from isetcl.spectrum import Spectrum
 from isetcl.version import __version__
 
-_HOME = {
-    "Eye": "isetcl.eye.model",
-    "Surface": "isetcl.eye.model",
-    "Stop": "isetcl.eye.model",
-    "Retina": "isetcl.eye.model",
-    "Medium": "isetcl.eye.media",
-    "ConstantIndex": "isetcl.eye.media",
-    "NavarroDispersion": "isetcl.eye.media",
-    "CornuDispersion": "isetcl.eye.media",
-    "AbbeDispersion": "isetcl.eye.media",
-    "RayBundle": "isetcl.eye.rays",
-    "RayStatus": "isetcl.eye.rays",
-    "Scene": "isetcl.scene.model",
-    "SceneObject": "isetcl.scene.model",
-    "Quad": "isetcl.scene.model",
-    "Disc": "isetcl.scene.model",
-    "Sphere": "isetcl.scene.model",
-    "Emission": "isetcl.scene.model",
-    "UnlitReflectance": "isetcl.scene.model",
-    "Checkerboard": "isetcl.scene.texture",
-    "Image": "isetcl.scene.texture",
-    "load_image": "isetcl.scene.texture",
-    "Spectrum": "isetcl.spectrum",
-    "RetinalGrid": "isetcl.retina.grid",
-    "RetinalImage": "isetcl.retina.image",
-    "trace_rays": "isetcl.render.trace",
-    "plan": "isetcl.render.plan",
-    "Plan": "isetcl.render.plan",
-    "render": "isetcl.render.render",
-    "IsetclError": "isetcl.errors",
-    "InvalidInputError": "isetcl.errors",
-    "FocusError": "isetcl.errors",
-    "FileError": "isetcl.errors",
-    "DeviceError": "isetcl.errors",
-    "KernelBuildError": "isetcl.errors",
-    "OutOfMemoryError": "isetcl.errors",
-}
+_LAZY_MODULES = ("psf_baseline", "validation")
 
-_MODULES = {
-    "eyes": "isetcl.eye.catalog",
-    "scenes": "isetcl.scene.targets",
-    "psf_baseline": "isetcl.psf_baseline",
-    "validation": "isetcl.validation",
-}
-
-__all__ = ["__version__", *sorted(_HOME), *sorted(_MODULES)]
+__all__ = [
+    "AbbeDispersion",
+    "Checkerboard",
+    "ConstantIndex",
+    "CornuDispersion",
+    "DeviceError",
+    "Disc",
+    "Emission",
+    "Eye",
+    "FileError",
+    "FocusError",
+    "Image",
+    "InvalidInputError",
+    "IsetclError",
+    "KernelBuildError",
+    "Medium",
+    "NavarroDispersion",
+    "OutOfMemoryError",
+    "Plan",
+    "Quad",
+    "RayBundle",
+    "RayStatus",
+    "Retina",
+    "RetinalGrid",
+    "RetinalImage",
+    "Scene",
+    "SceneObject",
+    "Spectrum",
+    "Sphere",
+    "Stop",
+    "Surface",
+    "UnlitReflectance",
+    "__version__",
+    "eyes",
+    "load_image",
+    "plan",
+    "psf_baseline",
+    "render",
+    "scenes",
+    "trace_rays",
+    "validation",
+]
 
 
 def __getattr__(name: str) -> Any:
-    if name in _HOME:
-        value = getattr(importlib.import_module(_HOME[name]), name)
-    elif name in _MODULES:
-        value = importlib.import_module(_MODULES[name])
-    else:
-        raise AttributeError(f"module 'isetcl' has no attribute {name!r}")
-    globals()[name] = value
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+    if name in _LAZY_MODULES:
+        return importlib.import_module(f"isetcl.{name}")
+    raise AttributeError(f"module 'isetcl' has no attribute {name!r}")

@@ -13,14 +13,17 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from isetcl.errors import InvalidInputError
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import ElementKind, elements
 from isetcl.eye.sequential import trace_elements
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 _FAN_RAYS = 512
 _FAN_LIMIT_RAD = math.radians(89.0)
@@ -168,8 +171,12 @@ def _axis_limit(field: np.ndarray, values: np.ndarray) -> float:
 
 
 def _odd_spline(x: np.ndarray, y: np.ndarray) -> CubicSpline:
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(np.concatenate([-x[:0:-1], x]), np.concatenate([-y[:0:-1], y]))
 
 
 def _even_spline(x: np.ndarray, y: np.ndarray) -> CubicSpline:
+    from scipy.interpolate import CubicSpline
+
     return CubicSpline(np.concatenate([-x[:0:-1], x]), np.concatenate([y[:0:-1], y]))

@@ -193,19 +193,19 @@ def _turned(radius: np.ndarray, weights: np.ndarray, pitch_deg: float) -> Psf:
     bins = np.bincount(
         (distance * _BINS_PER_PIXEL).astype(int), flux, minlength=(half + 1) * _BINS_PER_PIXEL
     )
-    kernel = np.zeros((2 * half + 1, 2 * half + 1))
     used = np.flatnonzero(bins > 0)
     ring = (used + 0.5) / _BINS_PER_PIXEL
-    points = np.maximum(64, 8 * np.ceil(4.0 * ring)).astype(int)
+    points = np.maximum(8, np.ceil(4.0 * ring)).astype(int)
     which = np.repeat(np.arange(len(used)), points)
     number = np.arange(len(which)) - np.repeat(np.cumsum(points) - points, points)
-    # Each ring starts at an angle of its own, so that their points do not line up.
-    angle = 2.0 * np.pi * (number + (which * 0.618033988749895) % 1.0) / points[which]
+    # An eighth of each ring, started at an angle of its own so that the points do not line up; the
+    # eye is symmetric about its axis, so the other seven eighths are copies.
+    angle = np.pi / 4.0 * (number + (which * 0.618033988749895) % 1.0) / points[which]
     column = np.rint(ring[which] * np.cos(angle)).astype(int) + half
     row = np.rint(ring[which] * np.sin(angle)).astype(int) + half
+    size = 2 * half + 1
     share = (bins[used] / points)[which]
-    np.add.at(kernel, (row, column), share)
-    # The eye is symmetric about its axis; make the kernel exactly so.
+    kernel = np.bincount(row * size + column, share, minlength=size * size).reshape(size, size)
     kernel = (kernel + kernel[::-1]) / 2.0
     kernel = (kernel + kernel[:, ::-1]) / 2.0
     kernel = (kernel + kernel.T) / 2.0

@@ -135,9 +135,8 @@ def _layer_vergences(scene: Scene, grid: RetinalGrid, edges_dpt: np.ndarray) -> 
     basis = spectral_basis(scene, np.array([grid.wavelength_nm]))
     verges = []
     for low, high in zip(edges_dpt, edges_dpt[1:], strict=False):
-        layers = take_layers(
-            scene, ViewGrid(coarse, 1, 0), basis, np.array([low, high]), complete=True, supersampling=1
-        )
+        view = ViewGrid(coarse, 1, 0)
+        layers = take_layers(scene, view, basis, np.array([low, high]), complete=True, refinement=1)
         verges.append(layers[0].vergence_dpt if layers else max(0.0, (low + high) / 2.0))
     return verges
 

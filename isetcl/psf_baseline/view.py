@@ -27,6 +27,8 @@ Layers = Literal["auto"] | int | Sequence[float]
 MAX_LAYERS = 512
 
 _ROWS_AT_ONCE = 64
+_RAYS_AT_ONCE = 1 << 17
+_EDGE_CONTRAST = 0.1
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,7 @@ def take_layers(
     edges_dpt: np.ndarray,
     *,
     complete: bool,
-    supersampling: int = 2,
+    refinement: int = 4,
 ) -> list[Layer]:
     """The layers of a scene, far to near; layers in which nothing is seen are left out.
 
@@ -196,29 +198,65 @@ def take_layers(
     ----------
     complete
         True: each layer as if nothing stood before it. False: only what is visible.
-    supersampling
-        Rays across a sample.
+    refinement
+        Rays across a sample where neighbouring samples differ strongly; one ray elsewhere.
     """
+    rows, columns = view.shape
     count = len(edges_dpt) - 1
-    n_basis = len(basis.spectra)
-    colour = np.zeros((count, n_basis, *view.shape), dtype=np.float32)
-    coverage = np.zeros((count, *view.shape), dtype=np.float32)
-    vergence_sum = np.zeros(count)
-    offsets = (np.arange(supersampling) + 0.5) / supersampling
-    share = 1.0 / supersampling**2
-    for top in range(0, view.shape[0], _ROWS_AT_ONCE):
-        rows = slice(top, top + _ROWS_AT_ONCE)
+    found = np.zeros((count, len(basis.spectra) + 2, rows, columns), dtype=np.float32)
+    for top in range(0, rows, _ROWS_AT_ONCE):
+        block = slice(top, top + _ROWS_AT_ONCE)
+        x, y = np.meshgrid(view.x_deg(), view.y_deg()[block])
+        surfaces = _surfaces(scene, view.grid, basis, x, y)
+        found[:, :, block] = _by_layer(surfaces, edges_dpt, complete, x.shape, len(basis.spectra))
+    if refinement > 1:
+        _refine(found, scene, view, basis, edges_dpt, complete, refinement)
+    layers = []
+    for colour, coverage, vergence in ((f[:-2], f[-2], f[-1]) for f in found):
+        total = float(coverage.sum(dtype=np.float64))
+        if total > 0:
+            mean = float(vergence.sum(dtype=np.float64)) / total
+            layers.append(Layer(mean, colour, coverage))
+    return layers
+
+
+def _refine(
+    found: np.ndarray,
+    scene: Scene,
+    view: ViewGrid,
+    basis: SpectralBasis,
+    edges_dpt: np.ndarray,
+    complete: bool,
+    refinement: int,
+) -> None:
+    """Replace samples that differ strongly from a neighbour by means over `refinement`^2 rays."""
+    row, column = np.nonzero(_has_edge(found[:, :-1]))
+    offsets = (np.arange(refinement) + 0.5) / refinement
+    for first in range(0, len(row), _RAYS_AT_ONCE):
+        r, c = row[first : first + _RAYS_AT_ONCE], column[first : first + _RAYS_AT_ONCE]
+        mean = np.zeros((*found.shape[:2], len(r)))
         for offset_y in offsets:
             for offset_x in offsets:
-                x, y = np.meshgrid(view.x_deg(offset_x), view.y_deg(offset_y)[rows])
+                x, y = view.x_deg(offset_x)[c], view.y_deg(offset_y)[r]
                 surfaces = _surfaces(scene, view.grid, basis, x, y)
-                _collect(surfaces, edges_dpt, complete, share, rows, colour, coverage, vergence_sum)
-    layers = []
-    for i in range(count):
-        total = float(coverage[i].sum(dtype=np.float64))
-        if total > 0:
-            layers.append(Layer(float(vergence_sum[i]) / total, colour[i], coverage[i]))
-    return layers
+                mean += _by_layer(surfaces, edges_dpt, complete, x.shape, len(basis.spectra))
+        found[:, :, r, c] = mean / refinement**2
+
+
+def _has_edge(values: np.ndarray) -> np.ndarray:
+    """Samples that differ from one of their eight neighbours by a tenth of the range, (rows, cols)."""
+    rows, columns = values.shape[-2:]
+    edge = np.zeros((rows, columns), dtype=bool)
+    for plane in values.reshape(-1, rows, columns):
+        threshold = _EDGE_CONTRAST * float(np.ptp(plane))
+        if threshold == 0.0:
+            continue
+        padded = np.pad(plane, 1, mode="edge")
+        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
+            one = padded[1 + dy : 1 + dy + rows, 1 + dx : 1 + dx + columns]
+            other = padded[1 - dy : 1 - dy + rows, 1 - dx : 1 - dx + columns]
+            edge |= (np.abs(one - plane) > threshold) | (np.abs(other - plane) > threshold)
+    return edge
 
 
 def _surfaces(
@@ -237,41 +275,39 @@ def _surfaces(
     return surfaces
 
 
-def _collect(
+def _by_layer(
     surfaces: list[tuple[np.ndarray, np.ndarray]],
     edges_dpt: np.ndarray,
     complete: bool,
-    share: float,
-    rows: slice,
-    colour: np.ndarray,
-    coverage: np.ndarray,
-    vergence_sum: np.ndarray,
-) -> None:
-    """Add one ray of every sample to the layers: in each, the nearest surface inside its edges."""
-    nearest = np.full(surfaces[0][0].shape, -1.0) if surfaces else None
+    shape: tuple[int, ...],
+    n_basis: int,
+) -> np.ndarray:
+    """What each ray finds in each layer: the nearest surface between its edges.
+
+    Returns
+    -------
+    ndarray, (layers, basis + 2, ...)
+        Colour, coverage (0 or 1) and vergence; all 0 where the layer is empty or, unless complete
+        layers are wanted, hidden.
+    """
+    count = len(edges_dpt) - 1
+    result = np.zeros((count, n_basis + 2, *shape))
+    nearest = np.full(shape, -1.0)
     for vergence, _ in surfaces:
         nearest = np.maximum(nearest, vergence)
-    for i in range(len(edges_dpt) - 1):
-        best: np.ndarray | None = None
-        chosen: np.ndarray | None = None
+    for i in range(count):
+        best = np.full(shape, -1.0)
         for vergence, tint in surfaces:
-            here = (vergence > edges_dpt[i]) & (vergence <= edges_dpt[i + 1])
+            here = (vergence > edges_dpt[i]) & (vergence <= edges_dpt[i + 1]) & (vergence > best)
             if not complete:
                 here &= vergence == nearest
-            if not here.any():
-                continue
-            if best is None or chosen is None:
-                best = np.full(vergence.shape, -1.0)
-                chosen = np.zeros(tint.shape)
-            here &= vergence > best
-            best = np.where(here, vergence, best)
-            chosen = np.where(here[..., None], tint, chosen)
-        if best is None or chosen is None:
-            continue
-        covered = best >= 0
-        coverage[i, rows] += share * covered
-        colour[i][:, rows] += share * np.moveaxis(chosen * covered[..., None], -1, 0)
-        vergence_sum[i] += share * float(np.sum(best, where=covered))
+            if here.any():
+                best = np.where(here, vergence, best)
+                result[i, :n_basis] = np.where(here, np.moveaxis(tint, -1, 0), result[i, :n_basis])
+        covered = best >= 0.0
+        result[i, n_basis] = covered
+        result[i, n_basis + 1] = np.where(covered, best, 0.0)
+    return result
 
 
 def blur_step_dpt(grid: RetinalGrid) -> float:

@@ -22,8 +22,8 @@ typedef struct {
 INLINE void hit_material(hitv *hit, constant material_t *material, maskv here, realv distance,
                          realv u, realv v) {
   hit->distance = here ? distance : hit->distance;
-  maskv second = here != here;
 #if HAS_CHECKERBOARDS
+  maskv second = (maskv)(0);
   if (material->kind == MATERIAL_CHECKERBOARD) {
     intv parity = whole(u * material->periods_u) + whole(v * material->periods_v);
     second = here & mask_from_int((parity & 1) != 0);

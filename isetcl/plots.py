@@ -1,0 +1,265 @@
+"""Figures, drawn with matplotlib and returned as figures; nothing here computes a result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from isetcl.retina.image import RetinalImage
+from isetcl.validation.comparison import Comparison, Trial
+from isetcl.validation.occlusion import OcclusionError
+
+if TYPE_CHECKING:
+    import xarray
+
+RAY_COLOUR = "#1f4e79"
+METHOD_COLOURS = ("#c0392b", "#2e8b57", "#8e44ad", "#d68910", "#117a8b")
+_STRIP_COLOUR = "#f2c14e"
+
+METHOD_LABELS = {
+    "ray tracing": "ray tracing",
+    "layered_sum": "PSF, layers added (M3)",
+    "layered_over": "PSF, layers composited (M8)",
+}
+
+
+def method_label(name: str) -> str:
+    """How a method is called in figures and tables."""
+    return METHOD_LABELS.get(name, name)
+
+
+def _extent(data: xarray.DataArray) -> tuple[float, float, float, float]:
+    """Borders of an image in degrees, for imshow."""
+    x, y = data["x"].values, data["y"].values
+    half_x = abs(x[1] - x[0]) / 2 if len(x) > 1 else 0.5
+    half_y = abs(y[1] - y[0]) / 2 if len(y) > 1 else 0.5
+    return (x[0] - half_x, x[-1] + half_x, y[-1] - half_y, y[0] + half_y)
+
+
+def retinal_images(comparison: Comparison, white_point: str = "E") -> Figure:
+    """All images side by side in the same exposure."""
+    images = [("ray tracing", comparison.reference), *comparison.images.items()]
+    white = float(np.percentile(comparison.reference.illuminance_lux, 99.5))
+    figure, axes = plt.subplots(
+        1, len(images), figsize=(4.6 * len(images), 4.7), sharey=True, layout="constrained"
+    )
+    for ax, (name, image) in zip(np.atleast_1d(axes), images, strict=True):
+        image.plot(ax, white_lux=white, white_point=white_point)
+        ax.set_title(method_label(name))
+        ax.set_ylabel("visual angle (deg)" if ax is np.atleast_1d(axes)[0] else "")
+    return figure
+
+
+def difference_maps(name: str, error: OcclusionError, reference: RetinalImage) -> Figure:
+    """Signed and absolute photopic difference of a method, with the depth edge marked."""
+    level = float(reference.illuminance_lux.mean())
+    signed = 100.0 * error.photopic_difference.values / level
+    limit = max(float(np.percentile(np.abs(signed), 99.8)), 0.5)
+    extent = _extent(error.photopic_difference)
+    figure, axes = plt.subplots(1, 2, figsize=(10.6, 4.9), sharey=True, layout="constrained")
+    panels = (
+        (signed, "RdBu_r", -limit, "signed: method minus ray tracing"),
+        (np.abs(signed), "magma", 0.0, "absolute"),
+    )
+    for ax, (values, colours, low, title) in zip(axes, panels, strict=True):
+        drawn = ax.imshow(
+            values, cmap=colours, vmin=low, vmax=limit, extent=extent, interpolation="nearest"
+        )
+        _mark_edges(ax, reference, error, "black" if low < 0 else "white")
+        ax.set_title(title)
+        ax.set_xlabel("visual angle (deg)")
+        figure.colorbar(drawn, ax=ax, label="% of the mean illuminance", shrink=0.85)
+    axes[0].set_ylabel("visual angle (deg)")
+    figure.suptitle(f"{method_label(name)}: difference from ray tracing")
+    return figure
+
+
+def _mark_edges(
+    ax: Axes, reference: RetinalImage, error: OcclusionError, colour: str
+) -> None:
+    """Draw the depth edge and the borders of the occlusion strip."""
+    x, y = reference.dataset["x"].values, reference.dataset["y"].values
+    depth = reference.vergence_dpt
+    if depth is None or not error.strip.any() or min(error.strip.shape) < 2:
+        return
+    strip = error.strip.astype(float)
+    if strip.min() < strip.max():
+        ax.contour(x, y, strip, levels=[0.5], colors=colour, linewidths=0.7, linestyles="dotted")
+    levels = np.unique(np.round(depth.values, 6))
+    if 2 <= len(levels) <= 12:
+        middles = (levels[1:] + levels[:-1]) / 2
+        ax.contour(x, y, depth.values, levels=middles, colors=colour, linewidths=1.1)
+
+
+def edge_profiles(comparison: Comparison, edge_angle_deg: float) -> Figure:
+    """Profiles of all methods across the depth edge, where the first PSF method errs most."""
+    reference = comparison.reference
+    images = [("ray tracing", reference), *comparison.images.items()]
+    error = next(iter(comparison.errors.values()))
+    position, line = _line_across(reference, edge_angle_deg, _worst_place(error, edge_angle_deg))
+    wavelengths = reference.wavelengths_nm
+    shown: list[int | None] = [None]
+    if len(wavelengths) > 1:
+        shown += [int(np.argmin(np.abs(wavelengths - w))) for w in (450.0, 550.0, 650.0)]
+    figure, axes = plt.subplots(2, 2, figsize=(10.6, 7.2), sharex=True, layout="constrained")
+    strip = _sample(error.strip.astype(float), line)
+    styles = ("-", (0, (4, 1.5)), (0, (1.5, 1.5)))
+    for ax, index in zip(axes.ravel(), shown, strict=False):
+        for i, (name, image) in enumerate(images):
+            ax.plot(
+                60.0 * position,
+                _sample(_quantity(image, index), line),
+                color=RAY_COLOUR if i == 0 else METHOD_COLOURS[i - 1],
+                lw=2.2 if i == 0 else 1.5,
+                ls=styles[min(i, 2)],
+                label=method_label(name),
+                zorder=2 if i == 0 else 3,
+            )
+        _shade(ax, 60.0 * position, strip > 0.5)
+        ax.set_ylim(bottom=0)
+        ax.set_title("photopic" if index is None else f"{wavelengths[index]:g} nm")
+        unit = "illuminance (lux)" if index is None else "irradiance (W m$^{-2}$ nm$^{-1}$)"
+        ax.set_ylabel(unit)
+    for ax in axes[-1]:
+        ax.set_xlabel("distance from the depth edge (arcmin); near plane at the left")
+    for ax in axes.ravel()[len(shown) :]:
+        ax.set_visible(False)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    figure.suptitle(
+        "Across the depth edge, where the first PSF method errs most (shaded: within a |D1 - D2|)"
+    )
+    return figure
+
+
+def _shade(ax: Axes, position: np.ndarray, inside: np.ndarray) -> None:
+    """Shade the occlusion strip and mark the edge."""
+    ax.fill_between(
+        position,
+        0,
+        1,
+        where=list(inside),
+        transform=ax.get_xaxis_transform(),
+        color=_STRIP_COLOUR,
+        alpha=0.25,
+        lw=0,
+    )
+    ax.axvline(0.0, color="0.4", lw=0.8)
+
+
+def _worst_place(error: OcclusionError, edge_angle_deg: float) -> float:
+    """Distance along the edge from the middle of the image where the error is largest, degrees."""
+    data = error.photopic_difference
+    x, y = data["x"].values, data["y"].values
+    reach = 0.25 * min(abs(float(x[-1] - x[0])), abs(float(y[0] - y[-1])))
+    places = np.linspace(-reach, reach, 41)
+    sizes = []
+    for place in places:
+        _, line = _line_across_data(x, y, edge_angle_deg, place)
+        sizes.append(float(np.mean(np.square(_sample(data.values, line)))))
+    return float(places[int(np.argmax(sizes))])
+
+
+def _quantity(image: RetinalImage, index: int | None) -> np.ndarray:
+    if index is not None:
+        return np.asarray(image.irradiance.values[index])
+    return np.asarray(image.illuminance_lux.values)
+
+
+def _line_across(
+    image: RetinalImage, edge_angle_deg: float, along_deg: float
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """See `_line_across_data`."""
+    x, y = image.dataset["x"].values, image.dataset["y"].values
+    return _line_across_data(x, y, edge_angle_deg, along_deg)
+
+
+def _line_across_data(
+    x: np.ndarray, y: np.ndarray, edge_angle_deg: float, along_deg: float
+) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Distances in degrees along a line across the edge, and its (rows, columns) in the image.
+
+    The edge passes the middle of the image and leans by `edge_angle_deg` anticlockwise from the
+    vertical; the line crosses it at right angles, `along_deg` upwards from the middle.
+    """
+    pitch = abs(float(x[1] - x[0]))
+    turn = np.radians(edge_angle_deg)
+    reach = 0.25 * min(len(x), len(y)) * pitch
+    position = np.arange(-reach, reach, pitch / 2)
+    columns = np.cos(turn) * position - np.sin(turn) * along_deg - float(x[0]) + float(x.mean())
+    rows = float(y[0]) - float(y.mean()) - np.sin(turn) * position - np.cos(turn) * along_deg
+    return position, (rows / pitch, columns / pitch)
+
+
+def _sample(values: np.ndarray, line: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    from scipy.ndimage import map_coordinates
+
+    return np.asarray(map_coordinates(values.astype(float), line, order=1, mode="nearest"))
+
+
+def error_against_time(trials: Sequence[Trial]) -> Figure:
+    """Every method and sample count: error against run time, over the image and in the strip."""
+    figure, axes = plt.subplots(
+        1, 2, figsize=(10.6, 5.2), sharex=True, sharey=True, layout="constrained"
+    )
+    regions = (("error", "whole image"), ("error_strip", "within a |D1 - D2| of the depth edge"))
+    for ax, (field, title) in zip(axes, regions, strict=True):
+        _draw_trials(ax, trials, field)
+        ax.set_title(title)
+        ax.set_xlabel("run time (s)")
+    axes[0].set_ylabel("root-mean-square error (% of the mean illuminance)")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    figure.suptitle("Error against run time (independent ray-traced reference, its noise subtracted)")
+    return figure
+
+
+def _draw_trials(ax: Axes, trials: Sequence[Trial], field: str) -> None:
+    """Draw one panel of `error_against_time`."""
+
+    def percent(trial: Trial) -> float:
+        return 100.0 * max(float(getattr(trial, field)), 1e-6)
+
+    traced = sorted((t for t in trials if t.spp is not None), key=lambda t: t.seconds)
+    ax.loglog(
+        [t.seconds for t in traced],
+        [percent(t) for t in traced],
+        "o-",
+        color=RAY_COLOUR,
+        label="ray tracing (samples a pixel)",
+    )
+    for t in traced:
+        ax.annotate(
+            str(t.spp),
+            (t.seconds, percent(t)),
+            textcoords="offset points",
+            xytext=(6, 5),
+            fontsize=9,
+            color=RAY_COLOUR,
+        )
+    for i, t in enumerate(t for t in trials if t.spp is None):
+        colour = METHOD_COLOURS[i % len(METHOD_COLOURS)]
+        ax.loglog(
+            t.seconds, percent(t), "sD^vP"[i % 5], ms=9, color=colour, label=method_label(t.method), ls=""
+        )
+    ax.margins(0.15)
+    for axis in (ax.xaxis, ax.yaxis):
+        axis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    ax.grid(True, which="major", lw=0.4, alpha=0.7)
+
+
+def close(figure: Figure) -> None:
+    """Free a figure."""
+    plt.close(figure)

@@ -1,0 +1,19 @@
+"""How far an image is from the truth, and what it cost."""
+
+from isetcl.validation.comparison import Comparison, Trial, compare
+from isetcl.validation.occlusion import (
+    OcclusionError,
+    RegionError,
+    occlusion_error,
+    occlusion_strip,
+)
+
+__all__ = [
+    "Comparison",
+    "OcclusionError",
+    "RegionError",
+    "Trial",
+    "compare",
+    "occlusion_error",
+    "occlusion_strip",
+]

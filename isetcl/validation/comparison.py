@@ -1,0 +1,241 @@
+"""The main job: one retinal image by ray tracing and by PSF methods, with error and cost of each.
+
+Errors are taken against an independent, longer ray tracing of the same scene (another seed), whose
+own noise is subtracted in quadrature.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from isetcl import psf_baseline
+from isetcl.errors import InvalidInputError
+from isetcl.eye.model import Eye
+from isetcl.render.plan import plan
+from isetcl.render.progress import Progress
+from isetcl.render.render import render
+from isetcl.retina.image import RetinalImage
+from isetcl.scene.model import Scene
+from isetcl.validation.occlusion import OcclusionError, occlusion_error
+
+DEFAULT_SAMPLES = (4, 16, 64, 256)
+REFERENCE_SEED_OFFSET = 1_000_003
+
+StepCallback = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One method at one cost: a point of the error-against-time plot.
+
+    Attributes
+    ----------
+    method
+        "ray tracing" or the name of a PSF method.
+    spp
+        Samples a pixel and band; None for methods without samples.
+    seconds
+        Time of the whole call, kernels built before.
+    error, error_strip, error_outside
+        Photopic root-mean-square error over all pixels, the strips along depth edges, and the
+        rest, relative to the mean of the reference.
+    reported_error
+        The relative standard error the image states of itself; 0 for methods without noise.
+    """
+
+    method: str
+    spp: int | None
+    seconds: float
+    error: float
+    error_strip: float
+    error_outside: float
+    reported_error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Images and errors of all methods on one scene.
+
+    Attributes
+    ----------
+    reference : RetinalImage
+        Ray-traced, the longest.
+    images : dict of RetinalImage
+        By PSF method.
+    errors : dict of OcclusionError
+        By PSF method, against the reference.
+    trials : tuple of Trial
+        Every method and sample count.
+    plan_text : str
+        What the ray tracer compiled in, and why.
+    build_s : float
+        Time to the first, tiny image: kernels built, tables made.
+    total_s : float
+        Time of everything.
+    """
+
+    reference: RetinalImage
+    images: dict[str, RetinalImage]
+    errors: dict[str, OcclusionError]
+    trials: tuple[Trial, ...]
+    plan_text: str
+    build_s: float
+    total_s: float
+
+
+def compare(
+    scene: Scene,
+    eye: Eye,
+    *,
+    fov_deg: float = 2.0,
+    resolution: int = 384,
+    methods: Sequence[str] = ("layered_sum", "layered_over"),
+    samples: Sequence[int] = DEFAULT_SAMPLES,
+    reference_spp: int = 1024,
+    seed: int = 0,
+    device: str | None = None,
+    on_step: StepCallback | None = None,
+    **options: Any,
+) -> Comparison:
+    """The retinal image of a scene by ray tracing and by PSF methods.
+
+    Parameters
+    ----------
+    scene, eye, fov_deg, resolution, device
+        As in `render`.
+    methods
+        Names of PSF methods.
+    samples
+        Samples a pixel of the ray-traced trials.
+    reference_spp
+        Samples a pixel of the reference.
+    on_step
+        Called with what is being done and the fraction done.
+    options
+        More arguments for both renderers: `centre_deg`, `wavelengths_nm`.
+
+    Raises
+    ------
+    InvalidInputError, DeviceError
+        Before any work starts.
+    """
+    start = time.perf_counter()
+    if reference_spp < 2 * max(samples, default=1):
+        raise InvalidInputError(
+            f"reference_spp must be at least twice the largest sample count ({max(samples)}), "
+            f"got {reference_spp}"
+        )
+    for name in methods:
+        if name not in psf_baseline.methods():
+            psf_baseline.render(scene, eye, method=name)
+    where: dict[str, Any] = {"fov_deg": fov_deg, "resolution": resolution, **options}
+    steps = _Steps(on_step, [*samples, reference_spp], len(methods))
+    steps.say("preparing")
+    explained = plan(scene, eye, device=device, expected_error=1e-3, **where).explain()
+    render(scene, eye, spp=2, seed=seed, device=device, progress=False, **where)
+    build_s = time.perf_counter() - start
+    with steps.sampling("ray tracing, reference", reference_spp) as show:
+        reference = render(
+            scene,
+            eye,
+            spp=reference_spp,
+            seed=seed + REFERENCE_SEED_OFFSET,
+            device=device,
+            progress=show,
+            **where,
+        )
+    trials = []
+    for spp in samples:
+        with steps.sampling(f"ray tracing, {spp} samples", spp) as show:
+            image = render(scene, eye, spp=spp, seed=seed, device=device, progress=show, **where)
+        trials.append(_trial("ray tracing", spp, image, reference))
+    images, errors = {}, {}
+    for name in methods:
+        with steps.method(name) as advance:
+            images[name] = psf_baseline.render(
+                scene, eye, method=name, progress=advance, **where
+            )
+        errors[name] = occlusion_error(images[name], reference)
+        trials.append(_trial(name, None, images[name], reference))
+    return Comparison(
+        reference,
+        images,
+        errors,
+        tuple(trials),
+        explained,
+        build_s,
+        time.perf_counter() - start,
+    )
+
+
+def _trial(method: str, spp: int | None, image: RetinalImage, reference: RetinalImage) -> Trial:
+    """Errors of an image against the independent reference."""
+    found = occlusion_error(image, reference, noise_is_error=True).photopic
+    return Trial(
+        method,
+        spp,
+        float(image.provenance["elapsed_s"]),
+        found["all"].rms,
+        found["strip"].rms,
+        found["outside"].rms,
+        image.relative_error,
+    )
+
+
+class _Steps:
+    """Turns the progress of the parts into one fraction."""
+
+    def __init__(self, on_step: StepCallback | None, spps: Sequence[int], n_methods: int) -> None:
+        self._on_step = on_step
+        # A PSF method takes about as long as 256 samples.
+        self._unit = 1.0 / (sum(spps) + 256.0 * n_methods + 64.0)
+        self._done = 64.0 * self._unit
+        self._text = ""
+
+    def say(self, text: str, part: float = 0.0) -> None:
+        """Report what is being done."""
+        self._text = text
+        if self._on_step is not None:
+            self._on_step(text, min(1.0, self._done + part))
+
+    def sampling(self, text: str, spp: int) -> _Part:
+        """A part that takes so many samples."""
+        return _Part(self, text, spp * self._unit)
+
+    def method(self, name: str) -> _FractionPart:
+        """A part that is one PSF method."""
+        return _FractionPart(self, f"PSF method {name}", 256.0 * self._unit)
+
+    def finish(self, share: float) -> None:
+        """Count a part as done."""
+        self._done += share
+
+
+class _Part:
+    """A context that passes a renderer's progress on."""
+
+    def __init__(self, steps: _Steps, text: str, share: float) -> None:
+        self._steps, self._text, self._share = steps, text, share
+
+    def __enter__(self) -> Callable[[Progress], None]:
+        self._steps.say(self._text)
+        return self._show
+
+    def __exit__(self, *details: Any) -> None:
+        self._steps.finish(self._share)
+
+    def _show(self, progress: Progress) -> None:
+        known = progress.error == progress.error
+        error = f" (error {100 * progress.error:.2g} %)" if known else ""
+        self._steps.say(self._text + error, progress.fraction * self._share)
+
+
+class _FractionPart(_Part):
+    """A context that passes on a plain fraction."""
+
+    def __enter__(self) -> Callable[[float], None]:  # type: ignore[override]
+        self._steps.say(self._text)
+        return lambda fraction: self._steps.say(self._text, fraction * self._share)
