@@ -54,7 +54,6 @@ setup(
     },
     entry_points={"console_scripts": ["isetcl = isetcl.cli:main"]},
     classifiers=[
-        "License :: OSI Approved :: BSD License",
         "Programming Language :: Python :: 3",
         "Topic :: Scientific/Engineering :: Physics",
     ],

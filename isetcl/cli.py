@@ -115,7 +115,9 @@ def devices(
     found = list_devices()
     if not found:
         find_device()
-    table = Table("", "device", "platform", "precision", "self-test", "million rays/s", "ray error (um)")
+    table = Table(
+        "", "device", "platform", "precision", "self-test", "million rays/s", "ray error (um)"
+    )
     for device in found:
         precisions: list[Precision] = ["single"]
         if double and device.has_double:

@@ -90,9 +90,7 @@ def check_choice(name: str, value: str, choices: Iterable[str]) -> str:
     raise InvalidInputError(f"unknown {name} {value!r}{hint} (known: {', '.join(sorted(known))})")
 
 
-def check_vectors(
-    name: str, value: np.ndarray | Sequence[object], *, width: int = 3
-) -> np.ndarray:
+def check_vectors(name: str, value: np.ndarray | Sequence[object], *, width: int = 3) -> np.ndarray:
     """Return `value` as a float64 array (n, width); raise InvalidInputError for other shapes."""
     try:
         array = np.asarray(value, dtype=np.float64)

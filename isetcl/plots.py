@@ -84,9 +84,7 @@ def difference_maps(name: str, error: OcclusionError, reference: RetinalImage) -
     return figure
 
 
-def _mark_edges(
-    ax: Axes, reference: RetinalImage, error: OcclusionError, colour: str
-) -> None:
+def _mark_edges(ax: Axes, reference: RetinalImage, error: OcclusionError, colour: str) -> None:
     """Draw the depth edge and the borders of the occlusion strip."""
     x, y = reference.dataset["x"].values, reference.dataset["y"].values
     depth = reference.vergence_dpt
@@ -220,7 +218,9 @@ def error_against_time(trials: Sequence[Trial]) -> Figure:
     axes[0].set_ylabel("root-mean-square error (% of the mean illuminance)")
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-    figure.suptitle("Error against run time (independent ray-traced reference, its noise subtracted)")
+    figure.suptitle(
+        "Error against run time (independent ray-traced reference, its noise subtracted)"
+    )
     return figure
 
 
@@ -250,7 +250,13 @@ def _draw_trials(ax: Axes, trials: Sequence[Trial], field: str) -> None:
     for i, t in enumerate(t for t in trials if t.spp is None):
         colour = METHOD_COLOURS[i % len(METHOD_COLOURS)]
         ax.loglog(
-            t.seconds, percent(t), "sD^vP"[i % 5], ms=9, color=colour, label=method_label(t.method), ls=""
+            t.seconds,
+            percent(t),
+            "sD^vP"[i % 5],
+            ms=9,
+            color=colour,
+            label=method_label(t.method),
+            ls="",
         )
     ax.margins(0.15)
     for axis in (ax.xaxis, ax.yaxis):

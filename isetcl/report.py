@@ -59,9 +59,7 @@ def write_report(
     images = {"ray_tracing": comparison.reference, **comparison.images}
     for name, image in images.items():
         written.append(image.save(folder / f"{name}.nc"))
-        written.append(
-            _write(folder / f"{name}.png", _png(image.to_srgb(white, white_point)))
-        )
+        written.append(_write(folder / f"{name}.png", _png(image.to_srgb(white, white_point))))
     figures = {"images": plots.retinal_images(comparison, white_point)}
     for name, error in comparison.errors.items():
         figures[f"difference_{name}"] = plots.difference_maps(name, error, comparison.reference)
@@ -209,13 +207,15 @@ def _page(comparison: Comparison, record: dict[str, Any], pictures: dict[str, by
         ("Across the depth edge", lambda: figure("profiles", "Illuminance and irradiance.")),
         (
             "Error against run time",
-            lambda: figure(
-                "error_against_time",
-                f"Kernels built before ({record['build_s']:.1f} s to the first image). The "
-                f"reference has {reference['samples_per_pixel']} samples a pixel and another seed.",
-            )
-            + f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-            + "<p>Errors are photopic, root mean square, relative to the mean illuminance.</p>",
+            lambda: (
+                figure(
+                    "error_against_time",
+                    f"Kernels built before ({record['build_s']:.1f} s to the first image). The "
+                    f"reference has {reference['samples_per_pixel']} samples a pixel, another seed.",
+                )
+                + f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+                + "<p>Errors are photopic, root mean square, relative to the mean illuminance.</p>"
+            ),
         ),
         ("What was compiled, and why", lambda: f"<pre>{html.escape(comparison.plan_text)}</pre>"),
         ("How to repeat it", lambda: f"<pre>{html.escape(record['command'])}</pre>"),
@@ -227,7 +227,5 @@ def _page(comparison: Comparison, record: dict[str, Any], pictures: dict[str, by
         f"<title>isetcl: {html.escape(reference['scene'])}</title><style>{_STYLE}</style></head>"
         f"<body><h1>One retinal image, ray-traced and by PSF convolution</h1>"
         f'<p class="lead">{html.escape(lead)}</p>{content}'
-        f"<p class=\"lead\">isetcl {__version__}; all numbers are in report.json.</p></body></html>"
+        f'<p class="lead">isetcl {__version__}; all numbers are in report.json.</p></body></html>'
     )
-
-

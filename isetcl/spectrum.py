@@ -174,7 +174,7 @@ class Spectrum:
         return np.interp(grid, self.wavelengths_nm, self.values)
 
     def luminance_cd_m2(self) -> float:
-        """Luminance in cd/m^2: 683 times the integral of V(lambda) times the radiance, 1 nm steps."""
+        """Luminance in cd/m^2: 683 times the integral of V(lambda) L(lambda) in 1 nm steps."""
         nodes, efficiency = _photopic_table()
         radiance = np.interp(nodes, self.wavelengths_nm, self.values, left=0, right=0)
         return float(LUMINOUS_EFFICACY_LM_PER_W * np.sum(efficiency * radiance))
@@ -185,7 +185,7 @@ class Spectrum:
         present = self.luminance_cd_m2()
         if present <= 0:
             raise InvalidInputError(
-                f"spectrum {self.name!r} has no visible energy, so it cannot be scaled to a luminance"
+                f"spectrum {self.name!r} must have visible energy to be scaled to a luminance"
             )
         return self.scaled(wanted / present)
 

@@ -1,1 +1,3 @@
+"""Version of isetcl."""
+
 __version__ = "0.1.0"

@@ -1,0 +1,1 @@
+"""Tables that isetcl ships, each with its source in its first line."""

@@ -1,0 +1,1 @@
+"""Everything that touches OpenCL from Python: devices, struct layout, programs, the ray tracer."""

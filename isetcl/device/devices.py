@@ -96,7 +96,7 @@ class Device:
         return tuple(options)
 
     def vector_width(self, precision: Precision) -> int:
-        """Lanes of a work-item: 64 floats or 32 doubles on a CPU (four 512-bit registers), else 1."""
+        """Lanes of a work-item: on a CPU 64 floats or 32 doubles (four 512-bit registers)."""
         if not self.is_cpu or self.is_interpreter:
             return 1
         return 64 if precision == "single" else 32
@@ -186,9 +186,7 @@ def find_device(wanted: str | None = None) -> Device:
     if wanted is None:
         return selftest.fastest(devices)
     if not isinstance(wanted, str):
-        raise InvalidInputError(
-            f"device must be a name or an index such as '0:0', got {wanted!r}"
-        )
+        raise InvalidInputError(f"device must be a name or an index such as '0:0', got {wanted!r}")
     needle = wanted.lower()
     for device in devices:
         if device.index == needle or needle in f"{device.platform} {device.name}".lower():

@@ -1,9 +1,10 @@
 """Making PoCL from the Python wheel work on processors newer than its compiler.
 
-PoCL 3.0 carries LLVM 14, which calls processors it does not know (AMD Zen 4 and Zen 5, for example)
-"generic"; its own clang front end then refuses that name with "unknown target CPU 'generic'", and no
-kernel can be built (pocl issue 1049). PoCL reads the name from its device record at every build, so
-the cure is to put a name there that LLVM 14 knows and whose instructions this processor has.
+PoCL 3.0 carries LLVM 14, which calls processors it does not know (AMD Zen 4 and Zen 5, for
+example) "generic"; its own clang front end then refuses that name with "unknown target CPU
+'generic'", and no kernel can be built (pocl issue 1049). PoCL reads the name from its device record
+at every build, so the cure is to put a name there that LLVM 14 knows and whose instructions this
+processor has.
 
 The record is private to PoCL. It is only touched where the two adjacent pointers that hold the
 target triple and the processor name are found, pointing at exactly those texts.

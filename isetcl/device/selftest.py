@@ -15,6 +15,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -66,7 +67,9 @@ def examine(device: Device, precision: Precision = "single") -> SelfTest:
     records = _load_records()
     if key in records:
         record = records[key]
-        return SelfTest(precision, tuple(record["failures"]), record["ray_error_mm"], record["rays_per_s"])
+        return SelfTest(
+            precision, tuple(record["failures"]), record["ray_error_mm"], record["rays_per_s"]
+        )
     result = run(device, precision)
     _save_record(key, result)
     return result
@@ -79,7 +82,8 @@ def run(device: Device, precision: Precision) -> SelfTest:
         error = reference_ray_error_mm(device, precision)
         if not error <= _TOLERANCE_MM[precision]:
             failures.append(
-                f"reference rays are wrong by {error:.3g} mm (allowed: {_TOLERANCE_MM[precision]:g} mm)"
+                f"reference rays are wrong by {error:.3g} mm, "
+                f"allowed are {_TOLERANCE_MM[precision]:g} mm"
             )
         speed = measure_rays_per_s(device, precision)
     except DeviceError as refusal:
@@ -137,7 +141,7 @@ def _operands(real: np.dtype) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """256 triples; the first is one whose product-sum survives only a fused multiply-add."""
     rng = np.random.default_rng(20261122)
     a, b, c = (rng.uniform(0.5, 2.0, 256).astype(real) for _ in range(3))
-    half = 0.5 ** ((12 if real == np.float32 else 27))
+    half = 0.5 ** (12 if real == np.float32 else 27)
     a[0] = b[0] = 1.0 + half
     c[0] = -(1.0 + 2.0 * half)
     return a, b, c
@@ -184,7 +188,10 @@ def reference_ray_error_mm(device: Device, precision: Precision) -> float:
     got = trace.fetch()
     real = real_dtype(precision)
     expected = sequential.trace_elements(
-        sequence, origins.astype(real).astype(float), directions.astype(real).astype(float), "retina"
+        sequence,
+        origins.astype(real).astype(float),
+        directions.astype(real).astype(float),
+        "retina",
     )
     if not np.array_equal(got.status, expected.status) or not expected.passed.all():
         return float("inf")
@@ -209,7 +216,9 @@ def measure_rays_per_s(device: Device, precision: Precision) -> float:
     i = np.arange(_TIMED_RAYS)
     radius = 2.2 * np.sqrt((i + 0.5) / _TIMED_RAYS)
     turn = i * np.pi * (3.0 - np.sqrt(5.0))
-    origins = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.full(len(i), -1.0)], axis=1)
+    origins = np.stack(
+        [radius * np.cos(turn), radius * np.sin(turn), np.full(len(i), -1.0)], axis=1
+    )
     tracer = RayTracer(device, precision)
     rays = tracer.upload(origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape))
     trace = tracer.prepare(rays, elements(eye, 550.0), "retina")
@@ -224,7 +233,8 @@ def measure_rays_per_s(device: Device, precision: Precision) -> float:
 
 def _record_key(device: Device, precision: Precision) -> str:
     sources = declarations() + "".join(
-        program.assemble(name, device.defines(precision)) for name in ("selftest.cl", "trace_rays.cl")
+        program.assemble(name, device.defines(precision))
+        for name in ("selftest.cl", "trace_rays.cl")
     )
     parts = [*device.describe().values(), precision, program.digest(sources)]
     return " | ".join(parts)
@@ -237,7 +247,7 @@ def records_path() -> Path:
     return Path(platformdirs.user_cache_dir("isetcl")) / "selftest.json"
 
 
-def _load_records() -> dict[str, dict]:
+def _load_records() -> dict[str, dict[str, Any]]:
     try:
         return dict(json.loads(records_path().read_text(encoding="utf-8")))
     except (OSError, ValueError):

@@ -225,9 +225,7 @@ class Trace:
         kernel.set_args(*self._arguments)
         device = self._tracer._device
         items = self._rays.padded // self._tracer._width
-        return cl.enqueue_nd_range_kernel(
-            device.queue, kernel, (items,), (device.work_group_size,)
-        )
+        return cl.enqueue_nd_range_kernel(device.queue, kernel, (items,), (device.work_group_size,))
 
     def fetch(self) -> RayBundle:
         """The results on the host."""

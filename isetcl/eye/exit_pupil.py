@@ -31,6 +31,8 @@ _CHECK_AZIMUTHS = 40
 _FIELD_NODES = 12
 _FIT_TOLERANCE_MM = 2e-6
 _SCAN_TOLERANCE_MM = 0.1
+_RIGHT = np.array([1.0, 0.0])
+_UP = np.array([0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +166,7 @@ class StopOutline:
             self.is_complete = False
         return self._scan(field_deg, circle)
 
-    def _aim_at_stop(
-        self, start: np.ndarray, target: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def _aim_at_stop(self, start: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton's method for the pupil points whose rays meet the stop plane at `target`, mm."""
         point = target * self._magnification
         step = 1e-4 * self._stop_radius
@@ -175,8 +175,8 @@ class StopOutline:
             miss = target - reached
             if np.max(np.abs(miss)) < 1e-10:
                 break
-            along_x = (self._reach(start, point + [step, 0.0])[0] - reached) / step
-            along_y = (self._reach(start, point + [0.0, step])[0] - reached) / step
+            along_x = (self._reach(start, point + step * _RIGHT)[0] - reached) / step
+            along_y = (self._reach(start, point + step * _UP)[0] - reached) / step
             determinant = along_x[:, 0] * along_y[:, 1] - along_x[:, 1] * along_y[:, 0]
             safe = np.where(np.abs(determinant) > 1e-6, determinant, np.inf)
             dx = (miss[:, 0] * along_y[:, 1] - miss[:, 1] * along_y[:, 0]) / safe
@@ -221,7 +221,7 @@ class StopOutline:
         return np.max(np.where(passed, numbers[:, None], 0), axis=1)
 
     def compare(self, bound: ExitPupilBound, field_deg: np.ndarray) -> tuple[float, float]:
-        """How far the true outline reaches beyond the bound (1 = touches), and how much it fills."""
+        """How far the outline reaches beyond the bound (1 touches it), and what it fills of it."""
         edge = self.edge(field_deg, _CHECK_AZIMUTHS)
         g = field_deg / bound.field_limit_deg
         s = (g * g)[:, np.newaxis]
@@ -234,7 +234,7 @@ class StopOutline:
         return float(np.max(np.hypot(u, v))), float(np.min(area) / (np.pi * polygon))
 
     def losses(self, field_deg: np.ndarray) -> tuple[bool, bool]:
-        """Whether rays through the stop edge are lost elsewhere, and whether any meets a far side."""
+        """Whether rays through the stop edge are lost elsewhere, and whether they meet far sides."""
         if not self.is_complete:
             return True, True
         edge = self.edge(field_deg, _AZIMUTHS // 2).reshape(-1, 2)

@@ -93,7 +93,7 @@ def focus_at(eye: Eye, distance_m: float, wavelength_nm: float, criterion: Focus
 
 
 class _SpotFan:
-    """The meridional rays of an axial object that fill the stop, weighted by the flux they carry."""
+    """The meridional rays of an axial object that fill the stop, weighted by their flux."""
 
     def __init__(self, eye: Eye, wavelength_nm: float) -> None:
         self._eye = eye
@@ -166,5 +166,3 @@ def _place(vergence_dpt: float) -> str:
     if vergence_dpt <= 0:
         return f"{vergence_dpt:.3f} dpt (beyond infinity)" if vergence_dpt < 0 else "infinity"
     return f"{distance_from_vergence(vergence_dpt):.4g} m ({vergence_dpt:.3f} dpt)"
-
-

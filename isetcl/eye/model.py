@@ -25,7 +25,7 @@ FocusCriterion = Literal["rms_spot", "paraxial"]
 PupilPlane = Literal["stop", "entrance"]
 
 REFERENCE_WAVELENGTH_NM = 550.0
-"""Wavelength of focus and of the retinal grid unless another is named: that of the paper's tables."""
+"""Wavelength, nm, of focus and of the retinal grid unless another is named (the paper's)."""
 
 
 def conic_sag(rho_mm: np.ndarray | float, curvature: float, conic: float) -> np.ndarray:
@@ -364,5 +364,7 @@ class Eye:
 
 def _curvature(name: str, radius_mm: float) -> float:
     if math.isnan(radius_mm) or radius_mm == 0:
-        raise InvalidInputError(f"{name} must be a non-zero number (inf is a plane), got {radius_mm}")
+        raise InvalidInputError(
+            f"{name} must be a non-zero number (inf is a plane), got {radius_mm}"
+        )
     return 0.0 if math.isinf(radius_mm) else 1.0 / radius_mm

@@ -9,7 +9,7 @@ MAX_TERMS = 12
 
 
 def unit_nodes(count: int) -> np.ndarray:
-    """Chebyshev points on [0, 1], ascending, shape (count,): where to sample what is to be fitted."""
+    """Chebyshev points on [0, 1], ascending, (count,): where to sample what is to be fitted."""
     return (1.0 - np.cos((np.arange(count) + 0.5) * np.pi / count)) / 2.0
 
 

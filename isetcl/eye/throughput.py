@@ -96,9 +96,7 @@ def _marginal_sine(eye: Eye, wavelength_nm: float) -> float:
         e for e in reversed(elements(eye, wavelength_nm)) if e.kind is not ElementKind.RETINA
     ]
     rear = len(eye.surfaces) - eye.stop_index
-    plane = dataclasses.replace(
-        sequence[rear], kind=ElementKind.REFRACT, semi_diameter_mm=math.inf
-    )
+    plane = dataclasses.replace(sequence[rear], kind=ElementKind.REFRACT, semi_diameter_mm=math.inf)
     path = (*sequence[:rear], plane)
     start = np.array([[0.0, 0.0, eye.retina.vertex_z_mm]])
     radius = eye.stop.radius_mm
@@ -111,5 +109,3 @@ def _marginal_sine(eye: Eye, wavelength_nm: float) -> float:
     guess = math.sin(math.atan2(pupil.radius_mm, eye.retina.vertex_z_mm - pupil.z_mm))
     second = guess * (1.0 - 0.5 * excess(guess) / radius)
     return float(newton(excess, guess, x1=second, tol=1e-14))
-
-

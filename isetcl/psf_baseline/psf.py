@@ -205,7 +205,8 @@ def _turned(radius: np.ndarray, weights: np.ndarray, pitch_deg: float) -> Psf:
     row = np.rint(ring[which] * np.sin(angle)).astype(int) + half
     size = 2 * half + 1
     share = (bins[used] / points)[which]
-    kernel = np.bincount(row * size + column, share, minlength=size * size).reshape(size, size)
+    counts = np.bincount(row * size + column, share, minlength=size * size)
+    kernel = np.asarray(counts, dtype=np.float64).reshape(size, size)
     kernel = (kernel + kernel[::-1]) / 2.0
     kernel = (kernel + kernel[:, ::-1]) / 2.0
     kernel = (kernel + kernel.T) / 2.0

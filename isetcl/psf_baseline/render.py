@@ -6,6 +6,7 @@ analytic intersections on the host, and every wavelength is computed by itself.
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Sequence
 
@@ -130,11 +131,11 @@ def render(
 
 
 def _layer_vergences(scene: Scene, grid: RetinalGrid, edges_dpt: np.ndarray) -> list[float]:
-    """A vergence for every layer, from a coarse view: its mean, or its middle if nothing is seen."""
+    """A vergence for every layer: its mean in a coarse view, or its middle if nothing is seen."""
     coarse = RetinalGrid.of(grid.eye, grid.fov_deg, (33, 33), grid.centre_deg)
     basis = spectral_basis(scene, np.array([grid.wavelength_nm]))
     verges = []
-    for low, high in zip(edges_dpt, edges_dpt[1:], strict=False):
+    for low, high in itertools.pairwise(edges_dpt):
         view = ViewGrid(coarse, 1, 0)
         layers = take_layers(scene, view, basis, np.array([low, high]), complete=True, refinement=1)
         verges.append(layers[0].vergence_dpt if layers else max(0.0, (low + high) / 2.0))

@@ -92,9 +92,7 @@ class Layer:
     coverage: np.ndarray
 
 
-def layer_edges_dpt(
-    scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: float
-) -> np.ndarray:
+def layer_edges_dpt(scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: float) -> np.ndarray:
     """Edges of depth layers in dioptres, ascending (far to near), shape (n + 1,).
 
     Parameters
@@ -142,7 +140,10 @@ def _vergences(scene: Scene, grid: RetinalGrid) -> np.ndarray:
     x = np.linspace(grid.x_deg[0], grid.x_deg[-1], 65)
     y = np.linspace(grid.y_deg[0], grid.y_deg[-1], 65)
     origin, directions = _rays(grid, *np.meshgrid(x, y))
-    found = [_vergence(intersect(o.shape, origin, directions).distance_m, origin, directions) for o in scene.objects]
+    found = [
+        _vergence(intersect(o.shape, origin, directions).distance_m, origin, directions)
+        for o in scene.objects
+    ]
     values = [v[v > 0] for v in found]
     if scene.background is not None:
         values.append(np.zeros(1))
@@ -244,7 +245,7 @@ def _refine(
 
 
 def _has_edge(values: np.ndarray) -> np.ndarray:
-    """Samples that differ from one of their eight neighbours by a tenth of the range, (rows, cols)."""
+    """Samples that differ from one of their neighbours by a tenth of the range, (rows, columns)."""
     rows, columns = values.shape[-2:]
     edge = np.zeros((rows, columns), dtype=bool)
     for plane in values.reshape(-1, rows, columns):

@@ -1,0 +1,1 @@
+"""From scene and eye to the retinal image: plan, samples, the render loop, progress."""

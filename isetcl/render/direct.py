@@ -100,12 +100,7 @@ class DirectPipeline:
             for band in plan.band_choice.bands
         ]
         packed = [pack_elements(sequence, "scene", precision) for sequence in sequences]
-        indices = np.array(
-            [
-                (sequence[-1].n_before, sequence[0].n_after)
-                for sequence in sequences
-            ]
-        )
+        indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
         scene = pack.pack_scene(plan.scene, plan.basis, plan.images, plan.config)
         return (
             self._upload(pack.pack_pupils(plan.pupils, indices, precision)),
@@ -165,9 +160,7 @@ class DirectPipeline:
             self._film,
         )
         size = (padded // self._plan.config.vector_width, self._n_bands)
-        cl.enqueue_nd_range_kernel(
-            queue, self._kernel, size, (self._device.work_group_size, 1)
-        )
+        cl.enqueue_nd_range_kernel(queue, self._kernel, size, (self._device.work_group_size, 1))
         film = np.empty((self._channels, padded), dtype=self._real)
         cl.enqueue_copy(queue, film, self._film)
         return film[:, :pixels].astype(np.float64).reshape(-1, tile.rows, tile.columns)

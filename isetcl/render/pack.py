@@ -192,7 +192,9 @@ def pack_scene(
     spheres: list[np.ndarray] = []
     materials = np.zeros(len(scene.objects), dtype=material_struct(n).dtype(precision))
     uploaded = [image for image in images if image is not None]
-    records = np.zeros(len(uploaded), dtype=image_struct(n, config.texture_channels).dtype(precision))
+    records = np.zeros(
+        len(uploaded), dtype=image_struct(n, config.texture_channels).dtype(precision)
+    )
     texels: list[np.ndarray] = []
     used = 0
     for i, item in enumerate(scene.objects):
@@ -282,7 +284,10 @@ def pack_texels(image: Image, config: KernelConfig) -> tuple[np.ndarray, float]:
     texels = image.texels.reshape(rows, columns, image.channels)
     if image.channels < config.texture_channels:
         texels = np.concatenate(
-            [texels, np.zeros((rows, columns, config.texture_channels - image.channels), np.float32)],
+            [
+                texels,
+                np.zeros((rows, columns, config.texture_channels - image.channels), np.float32),
+            ],
             axis=2,
         )
     padded = np.pad(texels, ((1, 1), (1, 1), (0, 0)), mode="edge")

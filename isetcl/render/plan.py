@@ -20,8 +20,8 @@ from isetcl.errors import InvalidInputError, OutOfMemoryError, check_choice
 from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
 from isetcl.eye.model import Eye
 from isetcl.eye.throughput import axial_irradiance_per_radiance
-from isetcl.retina.bands import BandChoice, choose_bands
 from isetcl.render.kernel_config import KernelConfig
+from isetcl.retina.bands import BandChoice, choose_bands
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Sphere
@@ -159,7 +159,7 @@ def plan(
         n_basis=_decide_basis(basis, notes),
         **_decide_eye(eye, pupils, notes),
         **_decide_shapes(scene, notes),
-        **_decide_textures(scene, images, resolved, expected_error, notes),
+        **_decide_textures(scene, images, resolved, expected_error, notes),  # type: ignore[arg-type]
     )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
     return Plan(
@@ -193,9 +193,7 @@ def _decide_precision(
     check_choice("precision", precision, ("auto", "single", "double"))
     if precision == "auto":
         pixel_um = 1000.0 * min(grid.pitch_deg) * float(grid.field_map.mm_per_deg(0.0))
-        reason = (
-            f"rounding moves rays by 0.005 um at most, a pixel is {pixel_um:.3g} um wide"
-        )
+        reason = f"rounding moves rays by 0.005 um at most, a pixel is {pixel_um:.3g} um wide"
         notes.append(Decision("precision", "single", reason))
         return "single"
     device.check_precision(precision)
@@ -215,7 +213,8 @@ def _decide_bands(
     if len(wavelengths_nm) == 1:
         reason = "the image has one wavelength"
     elif bands != "auto":
-        reason = f"asked for; chromatic displacement inside a band {choice.displacement_pixels:.2g} pixels"
+        shift = f"{choice.displacement_pixels:.2g} pixels"
+        reason = f"asked for; chromatic displacement inside a band {shift}"
     elif choice.is_achromatic:
         reason = "the eye bends all wavelengths alike"
     else:
@@ -229,7 +228,9 @@ def _decide_bands(
 
 def _decide_width(device: Device, precision: Precision, notes: list[Decision]) -> int:
     width = device.vector_width(precision)
-    reason = "a GPU's lanes are its work-items" if width == 1 else "four hardware vectors side by side"
+    reason = (
+        "a GPU's lanes are its work-items" if width == 1 else "four hardware vectors side by side"
+    )
     if width == 1 and device.is_cpu:
         reason = "this device interprets kernels"
     notes.append(Decision("vector width", str(width), reason))
@@ -302,7 +303,9 @@ def _decide_shapes(scene: Scene, notes: list[Decision]) -> dict[str, bool]:
         for item in scene.objects
     )
     notes.append(
-        Decision("lighting", "emission only", "every surface sends out light by itself: no shadow rays")
+        Decision(
+            "lighting", "emission only", "every surface sends out light by itself: no shadow rays"
+        )
     )
     none = "none in the scene"
     return {
@@ -336,7 +339,7 @@ def _decide_textures(
             if is_packed
             else "one word a texel is exact for grey"
             if channels == 1
-            else f"an error of {expected_error:.2g} is expected; packing would add {PACKING_ERROR:g}"
+            else f"an error of {expected_error:.2g} is wanted; packing would add {PACKING_ERROR:g}"
         )
         notes.append(Decision("texels", "packed" if is_packed else "float", reason))
     return {
@@ -443,5 +446,3 @@ def _available_bytes() -> int:
     except OSError:
         pass
     return 1 << 62
-
-

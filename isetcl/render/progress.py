@@ -99,9 +99,7 @@ class Calls:
         self._function(progress)
 
 
-def display(
-    wanted: bool | ProgressCallback | None, title: str
-) -> ProgressBar | Silence | Calls:
+def display(wanted: bool | ProgressCallback | None, title: str) -> ProgressBar | Silence | Calls:
     """The display for the `progress` argument of `render`; None is a bar on a terminal."""
     if callable(wanted):
         return Calls(wanted)

@@ -124,29 +124,19 @@ def _merge(parts: list[tuple[np.ndarray, RayBundle]], count: int) -> RayBundle:
     if len(parts) == 1:
         return parts[0][1]
 
-    def scatter(name: str, axis: int = 0) -> np.ndarray | None:
+    whole: dict[str, np.ndarray] = {}
+    for name in ("positions_mm", "directions", "status", "surface", "opl_mm", "hits_mm"):
         sample = getattr(parts[0][1], name)
         if sample is None:
-            return None
-        shape = list(sample.shape)
-        shape[axis] = count
-        whole = np.empty(shape, dtype=sample.dtype)
+            continue
+        # Rays are the first axis, except of the hits, where elements are.
+        is_hits = name == "hits_mm"
+        shape = (len(sample), count, 3) if is_hits else (count, *sample.shape[1:])
+        whole[name] = np.empty(shape, dtype=sample.dtype)
         for chosen, bundle in parts:
-            if axis == 0:
-                whole[chosen] = getattr(bundle, name)
-            else:
-                whole[:, chosen] = getattr(bundle, name)
-        return whole
-
-    return dataclasses.replace(
-        parts[0][1],
-        positions_mm=scatter("positions_mm"),
-        directions=scatter("directions"),
-        status=scatter("status"),
-        surface=scatter("surface"),
-        opl_mm=scatter("opl_mm"),
-        hits_mm=scatter("hits_mm", axis=1),
-    )
+            rays = (slice(None), chosen) if is_hits else chosen
+            whole[name][rays] = getattr(bundle, name)
+    return dataclasses.replace(parts[0][1], **whole)  # type: ignore[arg-type]
 
 
 def _mark_invalid(bundle: RayBundle, bad: np.ndarray) -> RayBundle:

@@ -1,0 +1,1 @@
+"""The retinal image and the grid it lives on."""

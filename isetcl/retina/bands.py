@@ -28,7 +28,7 @@ _ACHROMATIC_PIXELS = 1e-6
 
 @dataclass(frozen=True)
 class Band:
-    """Wavelengths `first` to `last` (inclusive indices into the grid), traced at `wavelength_nm`."""
+    """Wavelengths `first` to `last` (indices, inclusive) of a grid, traced at `wavelength_nm`."""
 
     first: int
     last: int

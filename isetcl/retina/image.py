@@ -157,9 +157,11 @@ class RetinalImage:
                 f"{self.wavelengths_nm.tolist()} nm; render more wavelengths"
             )
         values = np.tensordot(weights, self.irradiance.values, axes=1)
-        return self.irradiance.isel(wavelength=0, drop=True).copy(
-            data=values
-        ).assign_attrs(units="lux", long_name="illuminance on the retina")
+        return (
+            self.irradiance.isel(wavelength=0, drop=True)
+            .copy(data=values)
+            .assign_attrs(units="lux", long_name="illuminance on the retina")
+        )
 
     @property
     def relative_error(self) -> float:
@@ -188,9 +190,7 @@ class RetinalImage:
         scaled.attrs["provenance"] = json.dumps(details)
         return RetinalImage(scaled)
 
-    def to_srgb(
-        self, white_lux: float | None = None, white_point: str = "D65"
-    ) -> np.ndarray:
+    def to_srgb(self, white_lux: float | None = None, white_point: str = "D65") -> np.ndarray:
         """The image as sRGB for display, (rows, columns, 3), uint8.
 
         CIE 1931 colour matching by colour-science; out-of-gamut colours are clipped.

@@ -1,0 +1,1 @@
+"""What is looked at: shapes, materials, textures, displays, procedural targets."""

@@ -67,7 +67,7 @@ def spectral_basis(scene: Scene, wavelengths_nm: np.ndarray) -> SpectralBasis:
 
 
 def _coefficients(values: np.ndarray, chosen: list[np.ndarray]) -> np.ndarray:
-    """Coefficients of a spectrum in the chosen ones; it is added to them if they do not reach it."""
+    """Coefficients of a spectrum in the chosen ones; it joins them if they do not reach it."""
     scale = float(np.max(values))
     if scale == 0.0:
         return np.zeros(len(chosen))

@@ -179,7 +179,9 @@ def image_plane(
         Luminance of white (weights 1): D65 from an sRGB display, or equal energy if grey.
     """
     distance = check_positive("distance_m", distance_m, "m")
-    width = 2.0 * distance * math.tan(math.radians(check_between("width_deg", width_deg, 0, 170) / 2))
+    width = (
+        2.0 * distance * math.tan(math.radians(check_between("width_deg", width_deg, 0, 170) / 2))
+    )
     rows, columns = image.shape
     quad = _facing_quad(distance, width, width * rows / columns)
     material = picture(image, luminance_cd_m2)
@@ -227,7 +229,9 @@ def image_planes(
     far_quad = _facing_quad(distances[1], cover, cover * rows / columns)
     return Scene(
         (
-            SceneObject(f"near: {near_image.name}", near_quad, picture(near_image, luminance_cd_m2)),
+            SceneObject(
+                f"near: {near_image.name}", near_quad, picture(near_image, luminance_cd_m2)
+            ),
             SceneObject(f"far: {far_image.name}", far_quad, picture(far_image, luminance_cd_m2)),
         ),
         None,

@@ -126,7 +126,11 @@ class Image:
         else:
             # Averages of whole blocks after stretching to a multiple of the block size.
             stretched = resize(
-                self.texels, (rows * block, columns * block), order=1, mode="edge", anti_aliasing=False
+                self.texels,
+                (rows * block, columns * block),
+                order=1,
+                mode="edge",
+                anti_aliasing=False,
             )
             factors = (block, block) + (1,) * (self.texels.ndim - 2)
             small = downscale_local_mean(stretched, factors)
@@ -160,8 +164,7 @@ def load_image(path: str | Path) -> Image:
     except Exception as error:
         # Readers raise what they like; whatever it is, the file is no image.
         raise FileError(
-            f"image file {str(file)!r} cannot be read as an image ({error}); "
-            "use PNG, JPEG or TIFF"
+            f"image file {str(file)!r} cannot be read as an image ({error}); use PNG, JPEG or TIFF"
         ) from error
     if raw.ndim not in (2, 3) or (raw.ndim == 3 and raw.shape[2] not in (1, 2, 3, 4)):
         raise FileError(

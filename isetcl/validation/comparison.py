@@ -155,9 +155,7 @@ def compare(
     images, errors = {}, {}
     for name in methods:
         with steps.method(name) as advance:
-            images[name] = psf_baseline.render(
-                scene, eye, method=name, progress=advance, **where
-            )
+            images[name] = psf_baseline.render(scene, eye, method=name, progress=advance, **where)
         errors[name] = occlusion_error(images[name], reference)
         trials.append(_trial(name, None, images[name], reference))
     return Comparison(

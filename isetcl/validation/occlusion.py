@@ -7,6 +7,7 @@ vergences in dioptres), whatever the eye is focused on.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -129,7 +130,10 @@ def occlusion_error(
         photopic_difference,
         photopic_difference.copy(data=relative),
         strip,
-        {name: region_error(off, off_noise2, _level(truth), mask) for name, mask in regions.items()},
+        {
+            name: region_error(off, off_noise2, _level(truth), mask)
+            for name, mask in regions.items()
+        },
         spectral,
     )
 
@@ -166,9 +170,9 @@ def occlusion_strip(
     if not edge.any():
         return edge
     strip = edge.copy()
-    # Edges of like width share one distance transform; widths are rounded up, so none is too narrow.
+    # Edges of like width share one distance transform, taken at the largest width.
     limits = np.linspace(0.0, reach.max(), _WIDTH_CLASSES + 1)
-    for low_limit, high_limit in zip(limits, limits[1:], strict=False):
+    for low_limit, high_limit in itertools.pairwise(limits):
         members = edge & (reach > low_limit) & (reach <= high_limit)
         if members.any():
             strip |= distance_transform_edt(~members) <= reach[members].max() + 0.5

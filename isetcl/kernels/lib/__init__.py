@@ -1,0 +1,1 @@
+"""OpenCL C functions, one noun a file."""
