@@ -115,27 +115,24 @@ def devices(
     found = list_devices()
     if not found:
         find_device()
-    table = Table(
-        "", "device", "platform", "precision", "self-test", "million rays/s", "ray error (um)"
-    )
+    console = Console()
     for device in found:
+        console.print(
+            f"{device.index} {device.name} ({device.platform} {device.driver}), kernels for "
+            f"{device.target or 'its own processor'}",
+            highlight=False,
+            soft_wrap=True,
+        )
+        table = Table("precision", "self-test", "million rays/s", "ray error (um)")
         precisions: list[Precision] = ["single"]
         if double and device.has_double:
             precisions.append("double")
         for precision in precisions:
             result = selftest.run(device, precision)
             verdict = "passed" if result.passed else "; ".join(result.failures)
-            table.add_row(
-                device.index,
-                device.name,
-                f"{device.platform} {device.driver}",
-                precision,
-                verdict,
-                f"{result.rays_per_s / 1e6:.0f}",
-                f"{1000 * result.ray_error_mm:.1g}",
-            )
-    console = Console()
-    console.print(table)
+            speed = f"{result.rays_per_s / 1e6:.0f}"
+            table.add_row(precision, verdict, speed, f"{1000 * result.ray_error_mm:.1g}")
+        console.print(table)
     console.print(f"Choose one with --device or {ENVIRONMENT_VARIABLE}.", highlight=False)
 
 

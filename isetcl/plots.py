@@ -28,8 +28,8 @@ _STRIP_COLOUR = "#f2c14e"
 
 METHOD_LABELS = {
     "ray tracing": "ray tracing",
-    "layered_sum": "PSF, layers added (M3)",
-    "layered_over": "PSF, layers composited (M8)",
+    "layered_sum": "layered sum (M3)",
+    "layered_over": "layered over (M8)",
 }
 
 

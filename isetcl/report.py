@@ -211,10 +211,10 @@ def _page(comparison: Comparison, record: dict[str, Any], pictures: dict[str, by
                 figure(
                     "error_against_time",
                     f"Kernels built before ({record['build_s']:.1f} s to the first image). The "
-                    f"reference has {reference['samples_per_pixel']} samples a pixel, another seed.",
+                    f"reference has {reference['samples_per_pixel']} samples, another seed.",
                 )
                 + f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-                + "<p>Errors are photopic, root mean square, relative to the mean illuminance.</p>"
+                + "<p>Errors are photopic, root mean square, in % of the mean illuminance.</p>"
             ),
         ),
         ("What was compiled, and why", lambda: f"<pre>{html.escape(comparison.plan_text)}</pre>"),

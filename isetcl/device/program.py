@@ -31,13 +31,14 @@ def _read(name: str) -> str:
     return resources.files("isetcl.kernels").joinpath(name).read_text(encoding="utf-8")
 
 
-def assemble(entry: str, defines: Mapping[str, int], declarations: str = "") -> str:
+def assemble(entry: str | Path, defines: Mapping[str, int], declarations: str = "") -> str:
     """One self-contained source text for the kernels of a file.
 
     Parameters
     ----------
     entry
-        File in isetcl/kernels, "trace_rays.cl".
+        File in isetcl/kernels, "trace_rays.cl"; or a path elsewhere, whose includes are taken from
+        isetcl/kernels.
     defines
         Compile-time features, written on top in alphabetical order.
     declarations
@@ -57,13 +58,13 @@ def assemble(entry: str, defines: Mapping[str, int], declarations: str = "") -> 
     return "\n".join(lines) + "\n"
 
 
-def _inline(name: str, seen: set[str]) -> list[str]:
+def _inline(name: str | Path, seen: set[str]) -> list[str]:
     """The lines of a kernel file with its includes in place, each file once."""
-    seen.add(name)
+    seen.add(str(name))
     try:
-        text = _read(name)
+        text = name.read_text(encoding="utf-8") if isinstance(name, Path) else _read(name)
     except FileNotFoundError:
-        raise KernelBuildError(f"kernel file {name!r} does not exist in isetcl/kernels") from None
+        raise KernelBuildError(f"kernel file {str(name)!r} does not exist") from None
     lines = [f'#line 1 "{name}"']
     for number, line in enumerate(text.splitlines(), start=1):
         include = _INCLUDE.match(line)

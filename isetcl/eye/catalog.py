@@ -149,7 +149,8 @@ def by_name(
         if accommodation_dpt is not None:
             raise InvalidInputError(
                 "eye 'legrand' does not accommodate continuously, so accommodation_dpt must be "
-                f"left out, got {accommodation_dpt:g} dpt; use 'navarro' or 'arizona'"
+                f"left out (--accommodation relaxed), got {accommodation_dpt:g} dpt; or use "
+                "'navarro' or 'arizona'"
             )
         return legrand(pupil_diameter_mm)
     return builder(pupil_diameter_mm, accommodation_dpt)

@@ -234,7 +234,7 @@ class StopOutline:
         return float(np.max(np.hypot(u, v))), float(np.min(area) / (np.pi * polygon))
 
     def losses(self, field_deg: np.ndarray) -> tuple[bool, bool]:
-        """Whether rays through the stop edge are lost elsewhere, and whether they meet far sides."""
+        """Whether rays through the edge are lost elsewhere, and whether they meet far sides."""
         if not self.is_complete:
             return True, True
         edge = self.edge(field_deg, _AZIMUTHS // 2).reshape(-1, 2)

@@ -20,6 +20,7 @@ CRITERIA = ("rms_spot", "paraxial")
 
 _RADIAL_NODES = 32
 _FIRST_STEP_DPT = 0.5
+_DISTINCT = 1e-9  # keeps the two starting points of a secant apart where the first is the root
 _TOLERANCE = 1e-7  # relative, of the vergence: the mean square is flat to 1e-14 there
 
 
@@ -131,7 +132,8 @@ class _SpotFan:
             return self._height_at(before, plane, height, per_mm) - radius
 
         start = self._pupil.radius_mm
-        height = newton(excess, start, x1=start * (1.0 - excess(start) / radius), tol=1e-13)
+        second = start * (1.0 - excess(start) / radius) * (1.0 + _DISTINCT)
+        height = newton(excess, start, x1=second, tol=1e-13)
         return float(height) * (1.0 - 1e-13)
 
     def _height_at(

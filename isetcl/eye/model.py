@@ -27,6 +27,8 @@ PupilPlane = Literal["stop", "entrance"]
 REFERENCE_WAVELENGTH_NM = 550.0
 """Wavelength, nm, of focus and of the retinal grid unless another is named (the paper's)."""
 
+_SAME_PLANE_MM = 1e-9
+
 
 def conic_sag(rho_mm: np.ndarray | float, curvature: float, conic: float) -> np.ndarray:
     """Sag z(rho) of a conic of revolution, mm: c rho^2 / (1 + sqrt(1 - (1 + k) c^2 rho^2)).
@@ -260,8 +262,11 @@ class Eye:
 
     @property
     def stop_index(self) -> int:
-        """Number of refracting surfaces in front of the stop."""
-        return sum(s.vertex_z_mm < self.stop.z_mm for s in self.surfaces)
+        """Number of refracting surfaces in front of the stop.
+
+        A vertex that lies in the plane of the stop, to rounding, is behind it.
+        """
+        return sum(s.vertex_z_mm < self.stop.z_mm - _SAME_PLANE_MM for s in self.surfaces)
 
     @property
     def axial_length_mm(self) -> float:

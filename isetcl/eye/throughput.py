@@ -107,5 +107,6 @@ def _marginal_sine(eye: Eye, wavelength_nm: float) -> float:
 
     pupil = eye.exit_pupil(wavelength_nm)
     guess = math.sin(math.atan2(pupil.radius_mm, eye.retina.vertex_z_mm - pupil.z_mm))
-    second = guess * (1.0 - 0.5 * excess(guess) / radius)
+    # The factor keeps the two starting points apart where the first is the root.
+    second = guess * (1.0 - 0.5 * excess(guess) / radius) * (1.0 + 1e-9)
     return float(newton(excess, guess, x1=second, tol=1e-14))

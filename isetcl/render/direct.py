@@ -1,4 +1,4 @@
-"""The direct pipeline on a device: constants uploaded once, then one launch a tile and replicate."""
+"""The direct pipeline on a device: constants uploaded once, one launch a tile and replicate."""
 
 from __future__ import annotations
 
