@@ -87,12 +87,12 @@ def sobol_integers(count, dimension):
     """The first points of a dimension of scipy's unscrambled Sobol' sequence, as 32-bit words."""
     from scipy.stats import qmc
 
-    points = qmc.Sobol(4, scramble=False, bits=30).random(count)[:, dimension]
+    number = np.arange(1 << int(np.ceil(np.log2(max(count, 1)))))
+    points = qmc.Sobol(4, scramble=False, bits=30).random(len(number))[:, dimension]
     # scipy lists the points in Gray-code order; put them into the order of their numbers.
-    number = np.arange(count)
-    gray = number ^ (number >> 1)
-    ordered = np.empty(count)
-    ordered[gray] = points
+    ordered = np.empty(len(number))
+    ordered[number ^ (number >> 1)] = points
+    ordered = ordered[:count]
     return np.asarray(ordered * 2.0**30, dtype=np.uint64).astype(np.uint32) << np.uint32(2)
 
 

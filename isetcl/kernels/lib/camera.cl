@@ -40,7 +40,7 @@ INLINE realv retinal_cosine(constant camera_t *camera, const rayv *ray, realv dx
  *
  * Returns the weight of the sample: (n'/n)^2 A cos(retina) cos(pupil) / d^2, the irradiance per
  * unit radiance times the inverse of the density 1/A.  Source: DESIGN, "The life of one ray", 8;
- * the index factor is conservation of basic radiance.  Probe: tests/probes/camera.cl.
+ * the index factor is conservation of basic radiance.
  */
 INLINE realv aim_at_pupil(constant camera_t *camera, constant pupil_t *pupil, realv gx, realv gy,
                           realv s, realv u, realv v, rayv *ray) {

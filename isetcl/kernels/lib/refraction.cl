@@ -29,7 +29,7 @@ typedef struct {
  *
  * Returns the rays on the near side, or all if the far side is included.
  * Source: Feder 1951, J Opt Soc Am 41:630 (roots); W. Kahan (difference of products).
- * Probe: tests/probes/refraction.cl.
+
  */
 INLINE maskv conic_intersect(rayv *ray, constant element_t *s, real sense, int far_side, realv *q,
                              realv *path) {
