@@ -100,7 +100,9 @@ def owen_sobol(index, dimension, stream, bits):
     """Scrambled coordinate of sample numbers `index` in a stream, as the kernels define it."""
     words = sobol_integers(int(np.max(index)) + 1, dimension)[index]
     with np.errstate(over="ignore"):
-        seed = _mix(np.asarray(stream, np.uint32) + np.uint32((dimension * 0x632BE5AB) & 0xFFFFFFFF))
+        seed = _mix(
+            np.asarray(stream, np.uint32) + np.uint32((dimension * 0x632BE5AB) & 0xFFFFFFFF)
+        )
         x = _reverse(words)
         x = x ^ (x * np.uint32(0x3D20ADEA))
         x = x + seed

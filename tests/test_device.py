@@ -58,7 +58,9 @@ def test_an_unfused_multiply_add_is_found():
 
 def test_a_device_that_traces_wrongly_is_refused_with_the_reason(device, no_records, monkeypatch):
     monkeypatch.setattr(selftest, "reference_ray_error_mm", lambda *_: 0.01)
-    with pytest.raises(DeviceError, match=r"failed the self-test.*reference rays are wrong by 0\.01 mm"):
+    with pytest.raises(
+        DeviceError, match=r"failed the self-test.*reference rays are wrong by 0\.01 mm"
+    ):
         selftest.require(device)
 
 
@@ -164,7 +166,9 @@ def test_a_missing_include_is_a_clear_error(tmp_path):
 def test_programs_and_kernels_are_built_once(device):
     source = program.assemble("selftest.cl", device.defines("single"))
     assert program.build(device, source) is program.build(device, source)
-    assert program.kernel(device, source, "arithmetic") is program.kernel(device, source, "arithmetic")
+    assert program.kernel(device, source, "arithmetic") is program.kernel(
+        device, source, "arithmetic"
+    )
 
 
 def test_no_fast_math_option_is_ever_passed(device):
@@ -190,7 +194,10 @@ ZEN5 = (
     [
         (ZEN5, "icelake-server"),
         (ZEN5.replace("gfni", ""), "x86-64-v4"),
-        ("cx16 lahf_lm popcnt sse4_1 sse4_2 ssse3 avx avx2 bmi1 bmi2 f16c fma abm movbe", "x86-64-v3"),
+        (
+            "cx16 lahf_lm popcnt sse4_1 sse4_2 ssse3 avx avx2 bmi1 bmi2 f16c fma abm movbe",
+            "x86-64-v3",
+        ),
         ("cx16 lahf_lm popcnt sse4_1 sse4_2 ssse3 avx", "x86-64-v2"),
         ("sse2", "x86-64"),
     ],

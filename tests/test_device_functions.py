@@ -125,9 +125,7 @@ def test_scrambled_points_stay_stratified(probe, log2_count, pair):
     # Dimensions (0, 1) have t = 0, (2, 3) at most 2 (Joe & Kuo's table).
     count = 1 << log2_count
     t = 0 if pair == (0, 1) else 2
-    x, y = (
-        probe("probe_sobol", [5.0], count, np.int32(count), np.int32(d))[:, 0] for d in pair
-    )
+    x, y = (probe("probe_sobol", [5.0], count, np.int32(count), np.int32(d))[:, 0] for d in pair)
     for k in range(log2_count - t + 1):
         columns, rows = 1 << k, 1 << (log2_count - t - k)
         boxes = np.floor(x * columns).astype(int) * rows + np.floor(y * rows).astype(int)
@@ -148,6 +146,15 @@ def test_coordinates_stay_below_one(probe):
     assert values.min() >= 0.0
     assert values.max() < 1.0
     assert abs(values.mean() - 0.5) < 0.005
+
+
+def test_no_pixel_of_any_replicate_is_left_unscrambled():
+    # The hash of 0 is 0: without its offset, pixel 0 of seed 0 would draw the unscrambled points.
+    from isetcl.render.sobol import stream
+
+    words = {stream(seed, replicate) for seed in range(64) for replicate in range(64)}
+    assert len(words) == 64 * 64
+    assert 0 not in words
 
 
 def test_streams_scramble_independently(probe):

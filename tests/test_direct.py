@@ -21,7 +21,8 @@ def smooth_image(channels, size=48):
     rng = np.random.default_rng(4)
     y, x = np.mgrid[0:size, 0:size] / size
     planes = [
-        0.5 + 0.5 * np.sin(2 * np.pi * (rng.uniform(1, 3) * x + rng.uniform(1, 3) * y + rng.uniform()))
+        0.5
+        + 0.5 * np.sin(2 * np.pi * (rng.uniform(1, 3) * x + rng.uniform(1, 3) * y + rng.uniform()))
         for _ in range(channels)
     ]
     return ic.Image(np.stack(planes, axis=-1))
@@ -94,9 +95,7 @@ def compare(scene, eye, precision, *, fov_deg=5.0, centre_deg=(0.0, 0.0), sample
         bands=3,
         precision=precision,
     )
-    prepared = dataclasses.replace(
-        prepared, config=dataclasses.replace(prepared.config, **changes)
-    )
+    prepared = dataclasses.replace(prepared, config=dataclasses.replace(prepared.config, **changes))
     stream = sobol.stream(11, 2)
     film = DirectPipeline(prepared).sample(Tile(0, 0, 24, 20), samples, stream)
     n_basis = prepared.config.n_basis
@@ -155,7 +154,9 @@ def test_every_kind_of_eye_agrees_with_the_estimator(eye, fov, centre, precision
         assert difference.max() < 0.1
 
 
-@pytest.mark.parametrize("feature", ["has_conics", "has_far_side", "has_semi_diameters", "has_aspheric_retina"])
+@pytest.mark.parametrize(
+    "feature", ["has_conics", "has_far_side", "has_semi_diameters", "has_aspheric_retina"]
+)
 def test_a_feature_that_is_compiled_in_but_not_needed_changes_nothing(feature):
     scene = scenes()["two planes"]
     eye = ic.eyes.legrand(3.0)
@@ -196,10 +197,20 @@ def test_of_coincident_shapes_the_first_is_seen(precision):
     second = quad(1.0, 0.1, ic.Emission(BLUE), "second")
     for order, expected in (((first, second), RED), ((second, first), BLUE)):
         image = ic.render(
-            ic.Scene(order), ic.eyes.navarro(), fov_deg=1.0, resolution=4, spp=8, precision=precision
+            ic.Scene(order),
+            ic.eyes.navarro(),
+            fov_deg=1.0,
+            resolution=4,
+            spp=8,
+            precision=precision,
         )
         alone = ic.render(
-            ic.Scene(order[:1]), ic.eyes.navarro(), fov_deg=1.0, resolution=4, spp=8, precision=precision
+            ic.Scene(order[:1]),
+            ic.eyes.navarro(),
+            fov_deg=1.0,
+            resolution=4,
+            spp=8,
+            precision=precision,
         )
         assert order[0].material.radiance is expected
         np.testing.assert_allclose(image.irradiance, alone.irradiance, rtol=1e-6)
@@ -211,8 +222,15 @@ def test_scaling_a_distant_scene_leaves_directions_alone(scale, precision):
     scene = ic.Scene(
         (ic.SceneObject("around", ic.Sphere((0.0, 0.0, 0.0), 30.0 * scale), ic.Emission(WHITE)),)
     )
-    image = ic.render(scene, ic.eyes.navarro(), fov_deg=10.0, resolution=8, spp=16, precision=precision)
+    image = ic.render(
+        scene, ic.eyes.navarro(), fov_deg=10.0, resolution=8, spp=16, precision=precision
+    )
     background = ic.render(
-        ic.Scene((), WHITE), ic.eyes.navarro(), fov_deg=10.0, resolution=8, spp=16, precision=precision
+        ic.Scene((), WHITE),
+        ic.eyes.navarro(),
+        fov_deg=10.0,
+        resolution=8,
+        spp=16,
+        precision=precision,
     )
     np.testing.assert_allclose(image.irradiance, background.irradiance, rtol=1e-6)

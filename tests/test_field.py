@@ -22,7 +22,9 @@ def test_retinal_heights_of_navarro_s_eye_agree_with_an_independent_tracer():
 )
 def test_the_scale_on_axis_is_that_of_an_independent_tracer(name, scale):
     # The tracer's wavelengths are not stated for all three; dispersion changes the scale by 0.1 %.
-    assert ic.eyes.by_name(name).field_map(550.0).mm_per_deg(0.0) == pytest.approx(scale, rel=1.5e-3)
+    assert ic.eyes.by_name(name).field_map(550.0).mm_per_deg(0.0) == pytest.approx(
+        scale, rel=1.5e-3
+    )
 
 
 def test_mm_per_degree_is_not_a_constant():

@@ -9,7 +9,17 @@ from isetcl.eye.focus import focus_vergence_dpt, rms_spot_mm
 
 # ISET3d, convertToNavarroAccomm.m: best-focus object distance in mm of Navarro's eye, Zemax, 4 mm,
 # 550 nm. The entries at A = 4, 7 and 8 are off its own curve and left out (eyes.md, 1.1).
-ZEMAX_MM = {0: 2275.4, 0.4: 1013.579, 1: 603.02, 2: 385.92, 3: 292.238, 5: 200.036, 6: 172.586, 9: 119.859, 10: 108.021}
+ZEMAX_MM = {
+    0: 2275.4,
+    0.4: 1013.579,
+    1: 603.02,
+    2: 385.92,
+    3: 292.238,
+    5: 200.036,
+    6: 172.586,
+    9: 119.859,
+    10: 108.021,
+}
 
 
 @pytest.mark.parametrize(("parameter", "distance_mm"), ZEMAX_MM.items())

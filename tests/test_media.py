@@ -49,9 +49,9 @@ def test_abbe_dispersion_has_the_index_and_abbe_number_it_was_given(form):
 
 def test_linear_abbe_dispersion_reproduces_iset3d_s_table():
     # ISET3d arizonaRefractiveIndices: cornea and lens at 400 and 700 nm.
-    assert AbbeDispersion(1.377, 57.1, "linear").evaluate(np.array([400.0, 700.0])) == pytest.approx(
-        [1.38434, 1.37271], abs=1e-5
-    )
+    assert AbbeDispersion(1.377, 57.1, "linear").evaluate(
+        np.array([400.0, 700.0])
+    ) == pytest.approx([1.38434, 1.37271], abs=1e-5)
     assert AbbeDispersion(1.42, 51.9, "linear").evaluate(np.array([400.0, 700.0])) == pytest.approx(
         [1.42900, 1.41474], abs=1e-5
     )

@@ -19,7 +19,9 @@ def navarro_543():
             surface("cf", 0.0, 7.72, conic=-0.26, semi_diameter_mm=5, medium_after=media["cornea"]),
             surface("cb", 0.55, 6.5, semi_diameter_mm=5, medium_after=media["aqueous"]),
             surface("lf", 3.6, 10.2, conic=-3.1316, semi_diameter_mm=4, medium_after=media["lens"]),
-            surface("lb", 7.6, -6.0, conic=-1.0, semi_diameter_mm=4, medium_after=media["vitreous"]),
+            surface(
+                "lb", 7.6, -6.0, conic=-1.0, semi_diameter_mm=4, medium_after=media["vitreous"]
+            ),
         ),
         ic.Stop(3.6, 4.0),
         ic.Retina.from_radius(23.9203, -12.0),

@@ -62,7 +62,11 @@ def test_a_ray_of_zemax_is_followed_through_every_surface():
         (-2.3644385229e-3, 16.319999767),
     ]
     rays = trace(
-        eye, np.array([[0.0, expected[0][0], -1.0]]), np.array([[0.0, 0.0, 1.0]]), 550.0, record_hits=True
+        eye,
+        np.array([[0.0, expected[0][0], -1.0]]),
+        np.array([[0.0, 0.0, 1.0]]),
+        550.0,
+        record_hits=True,
     )
     np.testing.assert_allclose(rays.hits_mm[:, 0, 1], [e[0] for e in expected], atol=5e-5)
     np.testing.assert_allclose(rays.hits_mm[:, 0, 2] - 7.6, [e[1] for e in expected], atol=5e-5)
@@ -149,7 +153,9 @@ def test_conics_near_their_rim_agree_with_50_digits(curvature, conic):
 
 
 def test_an_axial_ray_stays_on_the_axis_exactly():
-    rays = trace(ic.eyes.navarro(), np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]]), 550.0)
+    rays = trace(
+        ic.eyes.navarro(), np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]]), 550.0
+    )
     assert rays.positions_mm[0, 0] == 0.0
     assert rays.positions_mm[0, 1] == 0.0
     assert rays.directions[0].tolist() == [0.0, 0.0, 1.0]
@@ -176,16 +182,23 @@ def test_a_ray_parallel_to_a_plane_misses_it_unless_it_lies_in_it():
 def test_equal_indices_leave_a_ray_undeviated():
     element = single(0.2, -0.5, n=(1.336, 1.336))
     direction = np.array([[0.3, -0.2, 0.9]])
-    rays = trace_elements((element,), np.array([[0.1, 0.2, -3.0]]), direction / np.linalg.norm(direction), "retina")
+    rays = trace_elements(
+        (element,), np.array([[0.1, 0.2, -3.0]]), direction / np.linalg.norm(direction), "retina"
+    )
     np.testing.assert_allclose(rays.directions, direction / np.linalg.norm(direction), atol=3e-16)
 
 
-@pytest.mark.parametrize(("offset_deg", "status"), [(-1e-3, RayStatus.OK), (1e-3, RayStatus.REFLECTED)])
+@pytest.mark.parametrize(
+    ("offset_deg", "status"), [(-1e-3, RayStatus.OK), (1e-3, RayStatus.REFLECTED)]
+)
 def test_total_reflection_begins_at_the_critical_angle(offset_deg, status):
     angle = math.asin(1.0 / 1.5) + math.radians(offset_deg)
     element = single(0.0, 0.0, n=(1.5, 1.0))
     rays = trace_elements(
-        (element,), np.array([[0.0, 0.0, -1.0]]), np.array([[math.sin(angle), 0.0, math.cos(angle)]]), "retina"
+        (element,),
+        np.array([[0.0, 0.0, -1.0]]),
+        np.array([[math.sin(angle), 0.0, math.cos(angle)]]),
+        "retina",
     )
     assert rays.status[0] == status
 
@@ -194,7 +207,10 @@ def test_the_edge_of_the_stop_lets_a_ray_pass():
     stop = single(0.0, 0.0, n=(1.0, 1.0), semi=2.0, kind=ElementKind.STOP)
     beside = np.nextafter(2.0, 3.0)
     rays = trace_elements(
-        (stop,), np.array([[2.0, 0, -1], [beside, 0, -1]]), np.array([[0.0, 0, 1]]).repeat(2, 0), "retina"
+        (stop,),
+        np.array([[2.0, 0, -1], [beside, 0, -1]]),
+        np.array([[0.0, 0, 1]]).repeat(2, 0),
+        "retina",
     )
     assert rays.status.tolist() == [RayStatus.OK, RayStatus.STOPPED]
 
@@ -233,7 +249,9 @@ def test_far_sides_are_met_at_wide_fields_only():
 
 def test_opl_forward_equals_opl_backward():
     eye = ic.eyes.navarro(6.0)
-    forward = trace(eye, np.array([[0.3, 1.1, -2.0]]), np.array([[0.01, 0.02, 1.0]]), 550.0, record_hits=True)
+    forward = trace(
+        eye, np.array([[0.3, 1.1, -2.0]]), np.array([[0.01, 0.02, 1.0]]), 550.0, record_hits=True
+    )
     back = trace(eye, forward.positions_mm, -forward.directions, 550.0, towards="scene")
     cornea = forward.hits_mm[0, 0]
     ahead = np.linalg.norm(cornea - np.array([0.3, 1.1, -2.0]))

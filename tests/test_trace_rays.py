@@ -96,7 +96,9 @@ def test_an_origin_a_kilometre_away_costs_nothing(precision):
     far = near - 1e6 * direction
     one = ic.trace_rays(eye, near, direction, 550.0, precision=precision)
     other = ic.trace_rays(eye, far, direction, 550.0, precision=precision)
-    np.testing.assert_allclose(other.positions_mm, one.positions_mm, rtol=0, atol=2e-6 if precision == "single" else 1e-9)
+    np.testing.assert_allclose(
+        other.positions_mm, one.positions_mm, rtol=0, atol=2e-6 if precision == "single" else 1e-9
+    )
     if precision == "double":
         length = np.linalg.norm(1e6 * direction)
         assert other.opl_mm[0] - one.opl_mm[0] == pytest.approx(length, abs=1e-6)
@@ -108,7 +110,12 @@ def test_tracing_back_returns_to_where_the_ray_came_from(precision):
     forward = ic.trace_rays(eye, origins, directions, 550.0, precision=precision)
     ok = forward.passed
     back = ic.trace_rays(
-        eye, forward.positions_mm[ok], -forward.directions[ok], 550.0, towards="scene", precision=precision
+        eye,
+        forward.positions_mm[ok],
+        -forward.directions[ok],
+        550.0,
+        towards="scene",
+        precision=precision,
     )
     assert back.passed.all()
     limit = {"single": 2e-4, "double": 1e-10}[precision]
@@ -140,7 +147,9 @@ def test_a_paraboloid_met_along_its_axis_is_hit(device, precision, tilt):
     assert error.max() < {"single": 5e-6, "double": 1e-14}[precision]
 
 
-@pytest.mark.parametrize("conic", [-50.0, -7.5, -1.0 - 1e-6, -1.0, -1.0 + 1e-6, 0.0, 1.0, 5.0, 20.0])
+@pytest.mark.parametrize(
+    "conic", [-50.0, -7.5, -1.0 - 1e-6, -1.0, -1.0 + 1e-6, 0.0, 1.0, 5.0, 20.0]
+)
 @pytest.mark.parametrize("curvature", [0.0, 1e-9, 1e-6, 1 / 15, 1 / 5, -1 / 6])
 def test_conics_of_all_kinds_agree_with_the_host(device, precision, curvature, conic):
     element = single_surface(curvature, conic)
@@ -184,7 +193,15 @@ def test_grazing_rays_err_only_by_rounding_over_the_cosine(device, precision, an
     assert error * math.cos(angle) < {"single": 1e-6, "double": 1e-14}[precision]
 
 
-@pytest.mark.parametrize(("offset_deg", "status"), [(-0.1, RayStatus.OK), (-1e-3, RayStatus.OK), (1e-3, RayStatus.REFLECTED), (5.0, RayStatus.REFLECTED)])
+@pytest.mark.parametrize(
+    ("offset_deg", "status"),
+    [
+        (-0.1, RayStatus.OK),
+        (-1e-3, RayStatus.OK),
+        (1e-3, RayStatus.REFLECTED),
+        (5.0, RayStatus.REFLECTED),
+    ],
+)
 def test_total_reflection_begins_at_the_critical_angle(device, precision, offset_deg, status):
     angle = math.asin(1.0 / 1.5) + math.radians(offset_deg)
     rays = run(
@@ -270,14 +287,25 @@ def test_what_becomes_of_a_ray_is_the_same_on_host_and_device(precision):
     lost = (expected.status == RayStatus.STOPPED) & (got.status == RayStatus.STOPPED)
     assert lost.sum() > 100
     limit = {"single": 2e-5, "double": 1e-11}[precision]
-    np.testing.assert_allclose(got.positions_mm[lost], expected.positions_mm[lost], rtol=0, atol=limit)
+    np.testing.assert_allclose(
+        got.positions_mm[lost], expected.positions_mm[lost], rtol=0, atol=limit
+    )
 
 
 def test_hits_are_recorded_on_every_element():
     eye = ic.eyes.navarro(3.0)
     got = ic.trace_rays(eye, [0.2, 0.4, -1.0], [0, 0, 1], 550.0)
-    expected = host_trace(eye, np.array([[0.2, 0.4, -1.0]]), np.array([[0, 0, 1.0]]), 550.0, record_hits=True)
-    assert got.elements == ("cornea front", "cornea back", "stop", "lens front", "lens back", "retina")
+    expected = host_trace(
+        eye, np.array([[0.2, 0.4, -1.0]]), np.array([[0, 0, 1.0]]), 550.0, record_hits=True
+    )
+    assert got.elements == (
+        "cornea front",
+        "cornea back",
+        "stop",
+        "lens front",
+        "lens back",
+        "retina",
+    )
     np.testing.assert_allclose(got.hits_mm, expected.hits_mm, atol=1e-13)
     assert ic.trace_rays(eye, [0, 0, -1], [0, 0, 1], 550.0, record_hits=False).hits_mm is None
 
@@ -297,7 +325,12 @@ def test_unusable_rays_are_marked_and_leave_their_neighbours_alone(precision):
     origins = np.array([[np.nan, 0, -1], [0, 0.5, -1], [0, 0, np.inf], [0, 0, -1]])
     directions = np.array([[0, 0, 1.0], [0, 0, 1], [0, 0, 1], [0, 0, 0]])
     rays = ic.trace_rays(ic.eyes.navarro(), origins, directions, 550.0, precision=precision)
-    assert rays.status.tolist() == [RayStatus.INVALID, RayStatus.OK, RayStatus.INVALID, RayStatus.INVALID]
+    assert rays.status.tolist() == [
+        RayStatus.INVALID,
+        RayStatus.OK,
+        RayStatus.INVALID,
+        RayStatus.INVALID,
+    ]
     assert np.isfinite(rays.positions_mm).all()
     alone = ic.trace_rays(ic.eyes.navarro(), origins[1], directions[1], 550.0, precision=precision)
     np.testing.assert_array_equal(rays.positions_mm[1], alone.positions_mm[0])

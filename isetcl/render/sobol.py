@@ -13,6 +13,7 @@ DIMENSIONS = 4
 # to 4. Source: Joe & Kuo 2008, SIAM J Sci Comput 30:2635, file new-joe-kuo-6.
 _JOE_KUO = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
 _BITS = 32
+_GOLDEN_WORD = 0x9E3779B9
 
 
 @functools.cache
@@ -51,5 +52,9 @@ def mix_bits(word: int) -> int:
 
 
 def stream(seed: int, replicate: int) -> int:
-    """The word that tells the samples of a replicate from all others."""
-    return mix_bits(mix_bits(seed & 0xFFFFFFFF) + replicate * 0x9E3779B9 + (seed >> 32))
+    """The word that tells the samples of a replicate from all others.
+
+    The hash maps 0 to 0, which would leave the first pixel of seed 0 unscrambled; hence the offset.
+    """
+    word = mix_bits((seed & 0xFFFFFFFF) + _GOLDEN_WORD) + (seed >> 32)
+    return mix_bits(word + replicate * _GOLDEN_WORD)

@@ -1,0 +1,369 @@
+"""Rendered images: absolute units, honest errors, and independence of how the work was cut."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from oracles import reduced_eye
+
+import isetcl as ic
+from isetcl.eye.throughput import axial_irradiance_per_radiance, irradiance_per_radiance
+from isetcl.render import plan as plan_module
+from isetcl.render import render as render_module
+from isetcl.render import schedule
+from isetcl.render.accumulate import TileAccumulator
+
+
+@pytest.mark.parametrize("builder", [ic.eyes.navarro, ic.eyes.arizona, ic.eyes.legrand])
+@pytest.mark.parametrize("stop_mm", [0.1, 3.0, 7.0])
+def test_uniform_radiance_gives_pi_n2_L_sin2_on_axis(builder, stop_mm, precision):
+    eye = builder(stop_mm)
+    light = ic.Spectrum.equal_energy(100.0)
+    image = ic.render(
+        ic.scenes.uniform(100.0),
+        eye,
+        fov_deg=0.05,
+        resolution=4,
+        spp=1024,
+        wavelengths_nm=[450.0, 550.0, 650.0],
+        precision=precision,
+    )
+    # The closed form: the real marginal ray's angle in the vitreous, index squared, radiance.
+    for i, wavelength in enumerate((450.0, 550.0, 650.0)):
+        expected = axial_irradiance_per_radiance(eye, wavelength) * light.at([wavelength])[0]
+        got = float(image.irradiance[i].mean())
+        assert got == pytest.approx(expected, rel=1e-3)
+        error = float(image.standard_error[i].mean()) / 4.0
+        # Beside the noise: rounding of the weights in float, and the field's 0.05 deg.
+        rounding = {"single": 1e-5, "double": 1e-6}[precision]
+        assert abs(got - expected) < 3 * error + rounding * expected
+
+
+def test_a_reduced_eye_makes_of_uniform_radiance_what_geometry_says():
+    # No tracer at all: Descartes' ellipsoid makes the light of the retinal vertex parallel, so the
+    # marginal ray meets the surface at the height of the stop's edge, 2 mm.
+    eye = reduced_eye(4.0)
+    radius, conic = 5.5, -9.0 / 16.0
+    sag = 4.0 / radius / (1.0 + np.sqrt(1.0 - (1.0 + conic) * 4.0 / radius**2))
+    sine2 = 4.0 / (4.0 + (22.0 - sag) ** 2)
+    image = ic.render(
+        ic.scenes.uniform(50.0), eye, fov_deg=0.05, resolution=4, spp=512, wavelengths_nm=[550.0]
+    )
+    radiance = ic.Spectrum.equal_energy(50.0).at([550.0])[0]
+    expected = np.pi * (4.0 / 3.0) ** 2 * sine2 * radiance
+    assert float(image.irradiance.mean()) == pytest.approx(expected, rel=1e-3)
+
+
+def test_one_troland_gives_the_illuminance_of_the_eye_s_own_geometry():
+    # 1 cd/m^2 through a 1 mm^2 entrance pupil. In a thin-pupil eye the illuminance is
+    # area / (front focal length)^2 (f = -16.5 mm: 0.0036 lux).
+    eye = ic.eyes.navarro(2.0 / np.sqrt(np.pi), pupil_plane="entrance")
+    image = ic.render(ic.scenes.uniform(1.0), eye, fov_deg=0.05, resolution=4, spp=1024)
+    focal = eye.cardinal_points(555.0).focal_length_front_mm
+    pupil = eye.entrance_pupil(555.0)
+    distance = pupil.z_mm - eye.cardinal_points(555.0).focal_point_front_mm
+    # Lagrange: E / L = area / (distance of the pupil from F times magnification ...)^2; the
+    # image of the pupil seen from F subtends area / f^2 for a pupil anywhere (sine condition).
+    lux = float(image.illuminance_lux.mean())
+    assert lux == pytest.approx(0.0036, rel=0.03)
+    assert lux == pytest.approx(1.0 / focal**2, rel=0.012)
+    assert distance > 0
+
+
+def test_illuminance_of_one_troland_within_half_a_percent_of_the_traced_prediction():
+    eye = ic.eyes.navarro(2.0 / np.sqrt(np.pi), pupil_plane="entrance")
+    image = ic.render(ic.scenes.uniform(1.0), eye, fov_deg=0.05, resolution=4, spp=1024)
+    wavelengths = image.wavelengths_nm
+    light = ic.Spectrum.equal_energy(1.0).at(wavelengths)
+    weights = ic.spectrum.photopic_weights(wavelengths)
+    factor = np.array([axial_irradiance_per_radiance(eye, w) for w in wavelengths])
+    assert float(image.illuminance_lux.mean()) == pytest.approx(
+        float(np.sum(weights * light * factor)), rel=5e-3
+    )
+
+
+@pytest.mark.parametrize("stop_mm", [2.0, 8.0])
+def test_illumination_falls_off_towards_the_periphery_as_the_host_integrates_it(stop_mm):
+    eye = ic.eyes.navarro(stop_mm)
+    image = ic.render(
+        ic.scenes.uniform(100.0),
+        eye,
+        fov_deg=(1.0, 120.0),
+        resolution=(1, 61),
+        spp=1024,
+        wavelengths_nm=[550.0],
+    )
+    radiance = ic.Spectrum.equal_energy(100.0).at([550.0])[0]
+    field = np.abs(image.dataset["y"].values)
+    expected = radiance * irradiance_per_radiance(eye, 550.0, eye.field_map(550.0), field)
+    deviation = image.irradiance.values[0, :, 0] / expected - 1
+    # Single pixels carry noise of some tenths of a percent at 60 deg; their mean a tenth of that.
+    assert np.max(np.abs(deviation)) < 0.01
+    assert abs(np.mean(deviation)) < 3e-4
+
+
+def test_the_same_seed_gives_the_same_bits_whatever_the_tiles(monkeypatch):
+    scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
+    options = {"fov_deg": 2.0, "resolution": (61, 47), "spp": 32, "bands": 3}
+    whole = ic.render(scene, eye, **options)
+    monkeypatch.setattr(plan_module, "_TILE_FILM_BYTES", 64 * 12 * 7)
+    pieces = ic.render(scene, eye, **options)
+    assert pieces.provenance["tile"] != whole.provenance["tile"]
+    np.testing.assert_array_equal(whole.irradiance.values, pieces.irradiance.values)
+    np.testing.assert_array_equal(whole.standard_error.values, pieces.standard_error.values)
+
+
+def test_the_same_seed_gives_the_same_bits_on_one_thread(device, tmp_path):
+    if device.platform != "Portable Computing Language":
+        pytest.skip("the number of threads is set for PoCL")
+    code = (
+        "import isetcl as ic, numpy as np, sys;"
+        "i = ic.render(ic.scenes.two_planes(), ic.eyes.navarro(), fov_deg=2.0, resolution=40, spp=16);"
+        "np.save(sys.argv[1], i.irradiance.values)"
+    )
+    images = []
+    for threads in ("1", "2"):
+        path = tmp_path / f"{threads}.npy"
+        environment = os.environ | {"POCL_MAX_PTHREAD_COUNT": threads}
+        subprocess.run([sys.executable, "-c", code, str(path)], env=environment, check=True)
+        images.append(np.load(path))
+    np.testing.assert_array_equal(images[0], images[1])
+
+
+def test_other_seeds_give_other_noise():
+    scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
+    one, other = (
+        ic.render(scene, eye, fov_deg=2.0, resolution=24, spp=16, bands=2, seed=s) for s in (1, 2)
+    )
+    assert np.mean(one.irradiance.values == other.irradiance.values) < 0.2
+
+
+def z_scores(one, other):
+    """Differences of two images in units of their combined standard error."""
+    difference = one.illuminance_lux.values - other.illuminance_lux.values
+    variance = sum(
+        np.square(i.dataset["illuminance_standard_error"].values, dtype=np.float64)
+        for i in (one, other)
+    )
+    return difference, variance
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"spp": 128}, {"bands": 8}, {"precision": "double"}, {"seed": 5}],
+    ids=["spp", "bands", "precision", "seed"],
+)
+def test_the_image_does_not_depend_on_how_it_was_computed(change):
+    # Mean over the image: standard error about 1e-4 of it, so a bias of 5e-4 would show (5 sigma).
+    scene, eye = ic.scenes.two_planes(texture="uniform"), ic.eyes.navarro(3.0, 2.0)
+    options = {"fov_deg": 2.0, "resolution": 48, "spp": 512, "bands": 16, "seed": 3}
+    one = ic.render(scene, eye, **options)
+    other = ic.render(scene, eye, **(options | change))
+    difference, variance = z_scores(one, other)
+    error_of_mean = np.sqrt(variance.sum()) / variance.size
+    level = one.illuminance_lux.values.mean()
+    # Fewer bands blur fringes a little differently; they keep the energy.
+    assert abs(difference.mean()) < 4 * error_of_mean + 2e-5 * level
+
+
+@pytest.mark.slow
+def test_the_standard_error_is_honest():
+    # Over 64 seeds the spread of the image equals the mean reported error within 10 %.
+    scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
+    images, errors = [], []
+    for seed in range(64):
+        image = ic.render(scene, eye, fov_deg=2.0, resolution=48, spp=256, bands=4, seed=seed)
+        images.append(image.illuminance_lux.values)
+        errors.append(image.dataset["illuminance_standard_error"].values)
+    spread = np.sqrt(np.mean(np.var(images, axis=0, ddof=1)))
+    reported = np.sqrt(np.mean(np.square(errors)))
+    assert reported == pytest.approx(spread, rel=0.1)
+
+
+@pytest.mark.slow
+def test_the_error_falls_faster_than_with_random_samples():
+    # Random samples give N^-0.5 everywhere. The median is that of the smooth part.
+    light = ic.Spectrum.equal_energy(100.0)
+    y, x = np.mgrid[0:64, 0:64] / 64.0
+    waves = ic.Image(0.5 + 0.4 * np.sin(7 * x) * np.cos(5 * y))
+    quad = ic.Quad((-0.1, -0.1, -0.5), (0.2, 0, 0), (0, 0.2, 0))
+    scene = ic.Scene((ic.SceneObject("waves", quad, ic.Emission(light, waves)),))
+    eye = ic.eyes.navarro(4.0, 2.0)
+    counts = (64, 256, 1024)
+    errors = []
+    for n in counts:
+        image = ic.render(scene, eye, fov_deg=6.0, resolution=32, spp=n, bands=4)
+        errors.append(np.median(image.dataset["illuminance_standard_error"].values))
+    slope = np.polyfit(np.log(counts), np.log(errors), 1)[0]
+    assert slope < -0.65
+
+
+@pytest.mark.parametrize("target", [0.05, 0.02, 0.005])
+def test_a_target_error_is_met_and_not_much_overshot(target):
+    scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
+    image = ic.render(scene, eye, fov_deg=2.0, resolution=32, bands=4, target_error=target)
+    assert image.relative_error <= target
+    if image.provenance["samples_per_pixel"] > 64:
+        assert image.relative_error > 0.4 * target
+
+
+def test_a_time_budget_is_kept():
+    import time
+
+    scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
+    ic.render(scene, eye, resolution=64, spp=2)
+    start = time.perf_counter()
+    image = ic.render(scene, eye, resolution=64, time_budget_s=1.5)
+    elapsed = time.perf_counter() - start
+    assert elapsed < 2.5
+    assert image.provenance["samples_per_pixel"] > 32
+
+
+def test_an_impossible_time_budget_still_gives_an_image_with_an_error():
+    image = ic.render(ic.scenes.two_planes(), ic.eyes.navarro(), resolution=64, time_budget_s=1e-3)
+    assert image.provenance["samples_per_pixel"] >= 2
+    assert np.isfinite(image.relative_error)
+
+
+def test_progress_is_reported_with_the_current_error():
+    states = []
+    ic.render(
+        ic.scenes.two_planes(),
+        ic.eyes.navarro(),
+        resolution=16,
+        spp=128,
+        bands=2,
+        progress=states.append,
+    )
+    fractions = [s.fraction for s in states]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == pytest.approx(1.0)
+    assert np.isfinite(states[-1].error)
+
+
+def test_an_interrupted_render_returns_what_it_has_with_its_error():
+    def interrupt(progress):
+        if progress.fraction >= 0.5:
+            raise KeyboardInterrupt
+
+    image = ic.render(
+        ic.scenes.two_planes(),
+        ic.eyes.navarro(),
+        fov_deg=2.0,
+        resolution=16,
+        spp=512,
+        bands=2,
+        progress=interrupt,
+    )
+    assert image.provenance["is_complete"] is False
+    assert 2 <= image.provenance["replicates"] < 8
+    assert image.relative_error > 0
+
+
+def test_a_render_interrupted_before_two_replicates_raises():
+    def interrupt(progress):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        ic.render(
+            ic.scenes.two_planes(), ic.eyes.navarro(), resolution=16, spp=64, progress=interrupt
+        )
+
+
+def test_a_black_scene_is_black_without_nan():
+    image = ic.render(ic.Scene(), ic.eyes.navarro(), resolution=8, spp=4)
+    assert not image.irradiance.values.any()
+    assert image.relative_error == 0.0
+    assert np.isfinite(image.standard_error.values).all()
+
+
+def test_a_dynamic_range_of_1e8_leaves_the_dark_side_dark():
+    sun = ic.Emission(ic.Spectrum.equal_energy(1e9))
+    dim = ic.Spectrum.equal_energy(10.0)
+    disc = ic.SceneObject("sun", ic.Disc((0.03, 0.0, -1.0), 0.004), sun)
+    image = ic.render(
+        ic.Scene((disc,), dim), ic.eyes.navarro(3.0), fov_deg=6.0, resolution=48, spp=64, bands=2
+    )
+    lux = image.illuminance_lux.values
+    alone = ic.render(
+        ic.Scene((), dim), ic.eyes.navarro(3.0), fov_deg=6.0, resolution=48, spp=64, bands=2
+    ).illuminance_lux.values
+    assert lux.max() > 1e6 * alone.max()
+    np.testing.assert_allclose(lux[:, :20], alone[:, :20], rtol=1e-4)
+
+
+def test_replicates_are_split_evenly_and_never_shorter_than_needed():
+    for spp in (2, 3, 31, 64, 100, 101, 256, 1000, 4096):
+        sizes = schedule.split(spp)
+        assert sum(sizes) == spp
+        assert len(sizes) >= 2
+        assert max(sizes) - min(sizes) <= 1
+        if spp >= 64:
+            assert min(sizes) >= 32
+
+
+def test_accumulated_moments_are_those_of_numpy():
+    rng = np.random.default_rng(1)
+    films = rng.normal(1e3, 1.0, (5, 4, 3, 2))
+    tracked = rng.normal(size=(3, 4))
+    accumulator = TileAccumulator(tracked)
+    for film in films:
+        accumulator.add(film, 32)
+    np.testing.assert_allclose(accumulator.film(), films.mean(axis=0), rtol=1e-14)
+    quantities = np.einsum("qc,rcyx->rqyx", tracked, films)
+    expected = quantities.std(axis=0, ddof=1) / np.sqrt(5)
+    np.testing.assert_allclose(accumulator.standard_error(), expected, rtol=1e-6)
+
+
+def test_one_replicate_has_no_standard_error():
+    accumulator = TileAccumulator(np.eye(1))
+    accumulator.add(np.ones((1, 2, 2)), 8)
+    assert np.isnan(accumulator.standard_error()).all()
+
+
+BAD = [
+    ({"spp": 1}, "spp must be between 2"),
+    ({"spp": 1.5}, "whole number"),
+    ({"spp": 64, "target_error": 0.1}, "not both"),
+    ({"target_error": 0.0}, "target_error must be > 0"),
+    ({"time_budget_s": -1}, "time_budget_s must be > 0"),
+    ({"fov_deg": 0}, "fov_deg must be > 0"),
+    ({"fov_deg": float("nan")}, "fov_deg must be finite"),
+    ({"fov_deg": 300}, "chief rays enter"),
+    ({"resolution": 0}, "resolution"),
+    ({"resolution": (4, -1)}, "resolution"),
+    ({"centre_deg": (200.0, 0.0)}, "chief rays enter"),
+    ({"wavelengths_nm": []}, "non-empty"),
+    ({"wavelengths_nm": [500, 400]}, "ascending"),
+    ({"wavelengths_nm": [300.0]}, "between 365 and 1014"),
+    ({"bands": 0}, "bands must be between 1 and 31"),
+    ({"bands": 99}, "bands must be between 1 and 31"),
+    ({"precision": "half"}, "unknown precision"),
+    ({"seed": -1}, "seed"),
+    ({"device": "no such device"}, "no OpenCL device matches"),
+]
+
+
+@pytest.mark.parametrize(("options", "match"), BAD, ids=[str(b[0]) for b in BAD])
+def test_bad_options_are_refused_before_any_kernel_runs(options, match, monkeypatch):
+    def fail(*_):
+        raise AssertionError("a kernel was built before the input was checked")
+
+    monkeypatch.setattr(render_module, "DirectPipeline", fail)
+    with pytest.raises(ic.IsetclError, match=match):
+        ic.render(ic.scenes.uniform(), ic.eyes.navarro(), **options)
+
+
+def test_things_that_are_no_scene_or_eye_are_refused():
+    with pytest.raises(ic.InvalidInputError, match="scene must be an isetcl Scene, got str"):
+        ic.render("two planes", ic.eyes.navarro())
+    with pytest.raises(ic.InvalidInputError, match="eye must be an isetcl Eye, got str"):
+        ic.render(ic.scenes.uniform(), "navarro")
+
+
+def test_an_image_that_does_not_fit_into_memory_says_which_size_would(monkeypatch):
+    monkeypatch.setattr(plan_module, "_available_bytes", lambda: 64 << 20)
+    with pytest.raises(ic.OutOfMemoryError, match=r"about \d+ x \d+ pixels would fit"):
+        ic.render(ic.scenes.uniform(), ic.eyes.navarro(), resolution=2000)
