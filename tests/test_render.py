@@ -36,8 +36,9 @@ def test_uniform_radiance_gives_pi_n2_L_sin2_on_axis(builder, stop_mm, precision
         got = float(image.irradiance[i].mean())
         assert got == pytest.approx(expected, rel=1e-3)
         error = float(image.standard_error[i].mean()) / 4.0
-        # Beside the noise: rounding of the weights in float, and the field's 0.05 deg.
-        rounding = {"single": 1e-5, "double": 1e-6}[precision]
+        # Beside the noise: rounding of the weights in float; and the pupil's bound is 2e-6 larger
+        # in area than the pupil, which shows until one of half a million rays is lost.
+        rounding = {"single": 1e-5, "double": 3e-6}[precision]
         assert abs(got - expected) < 3 * error + rounding * expected
 
 
