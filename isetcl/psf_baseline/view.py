@@ -119,7 +119,7 @@ def layer_edges_dpt(scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: f
                 f"layers must be 'auto', a number or edges in dioptres, got {layers!r}"
             )
         return _cluster_edges(seen, step_dpt, pad)
-    if isinstance(layers, int):
+    if isinstance(layers, int) and not isinstance(layers, bool):
         count = check_count("layers", layers, 1, MAX_LAYERS)
         return np.linspace(low - pad, high + pad, count + 1)
     edges = np.asarray(layers, dtype=np.float64)

@@ -1,0 +1,285 @@
+"""PSFs and the two methods, against closed forms and ray tracing."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from oracles import reduced_eye
+
+import isetcl as ic
+from isetcl.eye.sequential import trace
+from isetcl.psf_baseline import geometric_psf, methods
+from isetcl.psf_baseline.view import ViewGrid, layer_edges_dpt, take_layers
+from isetcl.scene.basis import spectral_basis
+
+WHITE = ic.Spectrum.equal_energy(100.0)
+
+
+def second_moment(psf):
+    """Mean square radius in degrees^2."""
+    n = np.arange(psf.kernel.shape[0]) - psf.radius
+    r2 = (n[None, :] ** 2 + n[:, None] ** 2) * psf.pitch_deg**2
+    return float(np.sum(psf.kernel * r2) / psf.kernel.sum())
+
+
+@pytest.mark.parametrize("field", [(0.0, 0.0), (3.0, -2.0)])
+@pytest.mark.parametrize("vergence", [0.0, 1.0, 3.0])
+def test_a_psf_keeps_all_energy(field, vergence):
+    psf = geometric_psf(ic.eyes.navarro(4.0, 2.0), 550.0, vergence, 0.005, field)
+    assert psf.kernel.sum() == pytest.approx(1.0, abs=1e-6)
+    assert psf.energy_outside == pytest.approx(0.0, abs=1e-6)
+    assert psf.kernel.min() >= 0.0
+
+
+@pytest.mark.parametrize("pitch", [0.5, 0.02, 0.002])
+def test_a_psf_narrower_than_a_pixel_keeps_its_energy_in_the_middle(pitch):
+    psf = geometric_psf(reduced_eye(2.0), 550.0, 0.0, pitch)
+    assert psf.kernel[psf.radius, psf.radius] == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("defocus", [0.5, 2.0])
+def test_a_defocused_perfect_eye_has_a_uniform_disc(defocus):
+    # Radius a |D| radians with a = 0.5 mm: 0.5e-3 rad per dioptre; small pupil, no aberration.
+    eye = reduced_eye(1.0)
+    radius_deg = np.degrees(0.5e-3 * defocus)
+    psf = geometric_psf(eye, 550.0, defocus, radius_deg / 40.0)
+    n = np.arange(psf.kernel.shape[0]) - psf.radius
+    r = np.hypot(n[None, :], n[:, None]) / 40.0
+    level = 1.0 / (np.pi * 40.0**2)
+    inside = psf.kernel[(r < 0.95) & (r > 0.05)]
+    assert np.mean(inside) == pytest.approx(level, rel=0.01)
+    assert np.std(inside) < 0.08 * level
+    assert psf.kernel[r > 1.05].sum() < 1e-9
+    # Mean square radius of a uniform disc: half the square of its radius.
+    assert second_moment(psf) == pytest.approx(radius_deg**2 / 2.0, rel=0.01)
+
+
+def test_the_psf_has_the_second_moment_of_traced_rays():
+    # Rays launched by hand on a square grid of the pupil, not the fan of the PSF.
+    eye = ic.eyes.navarro(5.0, 2.0)
+    psf = geometric_psf(eye, 500.0, 1.0, 0.002)
+    pupil = eye.entrance_pupil(500.0)
+    g = np.linspace(-1.1, 1.1, 401) * pupil.radius_mm
+    px, py = (a.ravel() for a in np.meshgrid(g, g))
+    target = np.stack([px, py, np.full_like(px, pupil.z_mm)], axis=1)
+    source = np.array([0.0, 0.0, -1000.0])
+    rays = trace(eye, np.broadcast_to(source, target.shape), target - source, 500.0)
+    hit = rays.positions_mm[rays.passed]
+    arc = 12.0 * np.arcsin(np.hypot(hit[:, 0], hit[:, 1]) / 12.0)
+    field = eye.field_map(500.0).field_deg(arc)
+    assert second_moment(psf) == pytest.approx(float(np.mean(field**2)), rel=5e-3)
+
+
+def test_off_axis_psfs_agree_with_axial_ones_at_the_axis():
+    eye = ic.eyes.navarro(4.0, 2.0)
+    axial = geometric_psf(eye, 550.0, 0.5, 0.004)
+    beside = geometric_psf(eye, 550.0, 0.5, 0.004, (1e-4, 0.0))
+    assert second_moment(beside) == pytest.approx(second_moment(axial), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("vergence", "pitch", "match"),
+    [(-0.1, 0.01, "between 0 and"), (1e4, 0.01, "between 0 and"), (1.0, 0.0, "pitch_deg"), (2.0, 1e-6, "samples across")],
+)
+def test_impossible_psfs_are_refused(vergence, pitch, match):
+    with pytest.raises(ic.InvalidInputError, match=match):
+        geometric_psf(ic.eyes.navarro(), 550.0, vergence, pitch)
+
+
+def small(**options):
+    return {"fov_deg": 1.0, "resolution": 64, "wavelengths_nm": [550.0]} | options
+
+
+def edge_scene(near, far, near_m=0.5, far_m=2.0):
+    return ic.scenes.two_planes(
+        near_m, far_m, edge_angle_deg=0.0, near=ic.Emission(near), far=ic.Emission(far)
+    )
+
+
+def profile(image):
+    """Mean irradiance of every column, relative to the far right, and x in degrees."""
+    values = image.irradiance.values[0].mean(axis=0)
+    return image.dataset["x"].values, values / values[-1]
+
+
+@pytest.mark.parametrize("method", ["layered_sum", "layered_over"])
+def test_a_uniform_scene_has_the_traced_irradiance(method):
+    # On axis: an independent closed form is in test_render; here the two renderers must agree.
+    scene, eye = ic.scenes.uniform(100.0), ic.eyes.navarro(4.0)
+    base = ic.psf_baseline.render(scene, eye, method=method, fov_deg=20.0, resolution=16)
+    traced = ic.render(scene, eye, fov_deg=20.0, resolution=16, spp=256, bands=31)
+    ratio = base.illuminance_lux.values / traced.illuminance_lux.values
+    assert np.max(np.abs(ratio - 1)) < 2e-3
+    assert abs(ratio.mean() - 1) < 2e-4
+
+
+@pytest.mark.parametrize("method", ["layered_sum", "layered_over"])
+def test_one_plane_at_one_depth_agrees_with_ray_tracing(method):
+    y, x = np.mgrid[0:64, 0:64] / 64.0
+    picture = ic.Image(0.5 + 0.4 * np.sin(30 * x) * np.sin(25 * y))
+    scene = ic.scenes.image_plane(picture, 0.8, 3.0)
+    eye = ic.eyes.navarro(3.0, 2.0)
+    options = {"fov_deg": 1.0, "resolution": 48, "wavelengths_nm": [450.0, 550.0, 650.0]}
+    base = ic.psf_baseline.render(scene, eye, method=method, **options)
+    traced = ic.render(scene, eye, spp=2048, bands=3, **options)
+    difference = base.irradiance.values - traced.irradiance.values
+    level = traced.irradiance.values.mean()
+    assert abs(difference.mean()) < 5e-4 * level
+    noise = np.sqrt(np.mean(traced.standard_error.values**2))
+    # What is left beside the noise: one PSF for the whole field, bilinear samples.
+    assert np.sqrt(max(np.mean(difference**2) - noise**2, 0)) < 4e-3 * level
+
+
+def test_layered_sum_makes_half_the_contrast_of_error_at_a_sharp_near_edge():
+    # Case A of the edge errors: near plane sharp and black, far plane blurred and white. In a real
+    # eye at 2 mm the near edge is sharp to 0.1 arcmin, the far blur circle 5 arcmin wide.
+    eye = ic.eyes.navarro(2.0, 2.0)
+    scene = edge_scene(WHITE.scaled(0.0), WHITE)
+    where = {"fov_deg": 0.4, "resolution": 96, "wavelengths_nm": [550.0]}
+    x, summed = profile(ic.psf_baseline.render(scene, eye, method="layered_sum", **where))
+    _, over = profile(ic.psf_baseline.render(scene, eye, method="layered_over", **where))
+    _, traced = profile(ic.render(scene, eye, spp=2048, **where))
+    error = summed - traced
+    assert np.max(np.abs(error)) == pytest.approx(0.5, abs=0.05)
+    # Light that belongs to the far plane is missing right of the edge and leaks to its left.
+    assert np.mean(error[(x > 0.01) & (x < 0.03)]) < -0.25
+    assert np.mean(error[(x < -0.01) & (x > -0.03)]) > 0.25
+    assert np.max(np.abs(over - traced)[np.abs(x) > 0.006]) < 0.02
+
+
+def test_layered_over_is_exact_in_case_a_and_layered_sum_wrong_by_one_half():
+    # Perfect eye focused at infinity: the "near" plane at 1 km is sharp, and no real plane lies
+    # behind it, so blur the far plane by hand: compare the methods on known layers instead.
+    n = 257
+    x = np.arange(n) - 128
+    disc = (x[None, :] ** 2 + x[:, None] ** 2 <= 40**2).astype(float)
+    disc /= disc.sum()
+    from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
+    from isetcl.psf_baseline.psf import Psf
+    from isetcl.psf_baseline.view import Layer
+
+    size = 512
+    mask = np.zeros((size, size), dtype=np.float32)
+    mask[:, : size // 2] = 1.0
+    delta = Psf(np.ones((1, 1)), 1.0, 0.0)
+    blur = Psf(disc, 1.0, 0.0)
+    truth = 1.0 - mask
+    far_full = Layer(0.5, np.ones((1, size, size), np.float32), np.ones((size, size), np.float32))
+    far_seen = Layer(0.5, (1 - mask)[None], 1 - mask)
+    near = Layer(2.0, np.zeros((1, size, size), np.float32), mask)
+    middle = (slice(200, 312), slice(150, 362))
+    for name, layers in (("layered_sum", [far_seen, near]), ("layered_over", [far_full, near])):
+        spectral = SpectralBlur(LayerSpectra(layers), [blur, delta])
+        image = methods()[name].combine(spectral, 2)[0]
+        error = np.abs(image - truth)[middle]
+        if name == "layered_sum":
+            assert error.max() == pytest.approx(0.5, abs=0.01)
+            # Mean over the blur circle's half-width on both sides: 0.42 of its radius.
+            per_row = np.abs(image - truth)[256, 150:362].sum() / 40.0
+            assert per_row == pytest.approx(0.42, abs=0.01)
+        else:
+            assert error.max() < 1e-5
+
+
+def test_the_sum_is_exact_where_both_layers_are_equally_blurred():
+    eye = ic.eyes.navarro(4.0, 2.0)
+    scene = edge_scene(WHITE.scaled(0.3), WHITE, near_m=1.0, far_m=1.0005)
+    one = ic.psf_baseline.render(scene, eye, method="layered_sum", layers=2, **small())
+    traced = ic.render(scene, eye, spp=2048, **small())
+    error = np.abs(profile(one)[1] - profile(traced)[1])
+    assert error.max() < 0.01
+
+
+@pytest.mark.parametrize("aperture_mm", [1.0, 2.0])
+def test_a_blurred_near_edge_is_the_closed_form_of_a_thin_lens(aperture_mm):
+    # Perfect reduced eye focused at infinity, black half-plane at 0.5 m before a white field:
+    # 1/2 - (t sqrt(1 - t^2) + asin t) / pi with t = x / (a D) is what is hidden.
+    eye = reduced_eye(aperture_mm)
+    near = ic.scenes.two_planes(0.5, 1e6, edge_angle_deg=0.0).objects[0]
+    scene = ic.Scene((ic.SceneObject("near", near.shape, ic.Emission(WHITE.scaled(0.0))),), WHITE)
+    rho = np.degrees(aperture_mm / 2e3 * 2.0)
+    options = {"fov_deg": (4.0 * rho, 0.2 * rho), "resolution": (64, 4), "wavelengths_nm": [550.0]}
+    traced = ic.render(scene, eye, spp=4096, **options)
+    x, values = profile(traced)
+    # Mean over a pixel of the closed form.
+    fine = np.linspace(-0.5, 0.5, 21) * (x[1] - x[0])
+    t = np.clip((x[:, None] + fine) / rho, -1.0, 1.0)
+    hidden = np.mean(0.5 - (t * np.sqrt(1 - t * t) + np.arcsin(t)) / np.pi, axis=1)
+    noise = float(traced.standard_error.values.mean() / traced.irradiance.values.max())
+    assert np.max(np.abs(values - (1.0 - hidden))) < 0.003 + 4 * noise
+
+
+def test_layers_are_as_few_as_the_blur_allows():
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(4.0), 2.0, 64)
+    assert len(layer_edges_dpt(ic.scenes.two_planes(), grid, "auto", 0.01)) == 3
+    assert len(layer_edges_dpt(ic.scenes.two_planes(), grid, 7, 0.01)) == 8
+    assert len(layer_edges_dpt(ic.scenes.uniform(), grid, "auto", 0.01)) == 2
+    leaning = ic.Quad((-0.1, -0.1, -0.5), (0.2, 0, -0.4), (0, 0.2, 0))
+    scene = ic.Scene((ic.SceneObject("ramp", leaning, ic.Emission(WHITE)),))
+    edges = layer_edges_dpt(scene, grid, "auto", 0.02)
+    assert np.all(np.diff(edges) <= 0.02 * 1.5 + 1e-5)
+    assert len(edges) > 5
+
+
+@pytest.mark.parametrize("layers", [[2.0, 0.1], [0.6, 3.0], [1.0], "many", 0, True])
+def test_bad_layers_are_refused(layers):
+    with pytest.raises(ic.InvalidInputError):
+        ic.psf_baseline.render(
+            ic.scenes.two_planes(), ic.eyes.navarro(), layers=layers, **small(resolution=8)
+        )
+
+
+def test_complete_layers_know_what_is_hidden_and_visible_ones_do_not():
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 1.0, 16)
+    scene = ic.scenes.two_planes(edge_angle_deg=0.0)
+    view = ViewGrid(grid, 1, 0)
+    basis = spectral_basis(scene, np.array([550.0]))
+    edges = np.array([0.4, 1.0, 2.5])
+    far, near = take_layers(scene, view, basis, edges, complete=True)
+    assert far.coverage.min() == 1.0
+    assert near.coverage[:, :7].min() == 1.0
+    assert near.coverage[:, 9:].max() == 0.0
+    seen_far, _ = take_layers(scene, view, basis, edges, complete=False)
+    np.testing.assert_allclose(seen_far.coverage + near.coverage, 1.0, atol=1e-6)
+    assert (far.vergence_dpt, near.vergence_dpt) == (pytest.approx(0.5), pytest.approx(2.0))
+
+
+def test_an_empty_scene_is_black():
+    image = ic.psf_baseline.render(ic.Scene(), ic.eyes.navarro(), **small(resolution=8))
+    assert not image.irradiance.values.any()
+
+
+def test_psf_images_say_how_they_were_made():
+    image = ic.psf_baseline.render(
+        ic.scenes.two_planes(), ic.eyes.navarro(), method="layered_over", **small(resolution=16)
+    )
+    assert image.provenance["method"] == "layered_over"
+    assert image.provenance["layers_dpt"] == [pytest.approx(0.5), pytest.approx(2.0)]
+    assert image.relative_error == 0.0
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [
+        ({"method": "layered_som"}, "did you mean layered_sum"),
+        ({"psf": "wave"}, "unknown psf 'wave'.*geometric"),
+        ({"oversampling": 0}, "oversampling"),
+        ({"fov_deg": (2.0, 1.0)}, "square pixels"),
+    ],
+)
+def test_bad_options_are_refused(options, match):
+    with pytest.raises(ic.InvalidInputError, match=match):
+        ic.psf_baseline.render(
+            ic.scenes.two_planes(), ic.eyes.navarro(), **small(resolution=8, **options)
+        )
+
+
+def test_the_baseline_never_touches_opencl():
+    code = (
+        "import isetcl as ic, sys\n"
+        "ic.psf_baseline.render(ic.scenes.two_planes(), ic.eyes.navarro(), resolution=8,"
+        " wavelengths_nm=[550.0])\n"
+        "sys.exit('pyopencl' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
