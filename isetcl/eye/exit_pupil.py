@@ -31,7 +31,8 @@ _AZIMUTHS = 24
 _CHECK_AZIMUTHS = 40
 _FIELD_NODES = 12
 _FIT_TOLERANCE = 2e-7  # of the radius of the stop
-_SCAN_TOLERANCE = 0.05
+_SCAN_TOLERANCE = 0.01
+_SCAN_MARGIN = 0.02  # outlines found by trial may have corners between the azimuths tried
 _RIGHT = np.array([1.0, 0.0])
 _UP = np.array([0.0, 1.0])
 
@@ -109,7 +110,7 @@ def exit_pupil_bound(
         has_far_side=False,
     )
     excess, fill = outline.compare(bound, check)
-    grow = max(excess, 1.0) * (1.0 + MARGIN)
+    grow = max(excess, 1.0) * (1.0 + (MARGIN if outline.is_complete else _SCAN_MARGIN))
     clipped, far_side = outline.losses(check[::2])
     return dataclasses.replace(
         bound,

@@ -1,0 +1,209 @@
+"""The occlusion error: strips, noise, regions, and the comparison built on it."""
+
+import json
+
+import numpy as np
+import pytest
+
+import isetcl as ic
+from isetcl.validation import compare, occlusion_error, occlusion_strip
+from isetcl.validation.comparison import REFERENCE_SEED_OFFSET
+
+
+def test_the_strip_reaches_a_times_the_difference_in_dioptres():
+    # The paper's Figure 12: 4 mm, 0.5 and 2 m: 1.5 dpt, 10.31 arcmin each side.
+    depth = np.full((40, 400), 0.5)
+    depth[:, :200] = 2.0
+    pitch_deg = 0.25 / 60.0
+    strip = occlusion_strip(depth, pitch_deg, 4.0)
+    columns = np.flatnonzero(strip[20])
+    half_width_arcmin = 0.25 * (columns[-1] - columns[0] + 1) / 2
+    assert half_width_arcmin == pytest.approx(10.31, abs=0.5)
+    assert (columns[0] + columns[-1] + 1) / 2 == pytest.approx(200, abs=1)
+
+
+def test_the_strip_does_not_depend_on_which_side_is_near():
+    depth = np.full((40, 100), 0.5)
+    depth[:, :37] = 2.0
+    one = occlusion_strip(depth, 0.01, 4.0)
+    other = occlusion_strip(2.5 - depth, 0.01, 4.0)
+    np.testing.assert_array_equal(one, other)
+
+
+def test_larger_steps_have_wider_strips():
+    depth = np.zeros((20, 300))
+    depth[:, 100:200] = 0.5
+    depth[:, 200:] = 3.0
+    strip = occlusion_strip(depth, 0.01, 4.0)[10]
+    left = strip[60:140].sum()
+    right = strip[150:250].sum()
+    assert right / left == pytest.approx(5.0, rel=0.25)
+
+
+def test_a_slanted_surface_has_no_strip():
+    depth = np.tile(np.linspace(0.5, 2.0, 400), (20, 1))
+    assert not occlusion_strip(depth, 0.02, 4.0).any()
+    assert not occlusion_strip(np.full((5, 5), 1.0), 0.02, 4.0).any()
+
+
+def image(values, error=0.0, *, shape=(24, 60), depth_step=True):
+    """An image with given irradiance (31, rows, columns) and standard error."""
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(4.0), (6.0, 2.4), (shape[1], shape[0]))
+    wavelengths = np.arange(400.0, 701.0, 10.0)
+    data = np.broadcast_to(values, (31, *shape)).copy()
+    vergence = np.full(shape, 0.5)
+    vergence[:, : shape[1] // 2] = 2.0
+    weights = ic.spectrum.photopic_weights(wavelengths)
+    return ic.RetinalImage.from_arrays(
+        grid,
+        wavelengths,
+        data,
+        standard_error=np.full_like(data, error),
+        illuminance_standard_error=np.full(shape, error * np.sqrt(np.sum(weights**2))),
+        vergence_dpt=vergence if depth_step else None,
+    )
+
+
+def test_a_known_difference_is_reported_by_region():
+    truth = image(1.0)
+    off = np.ones((24, 60))
+    off[:, 28:32] += 0.2
+    found = occlusion_error(image(off), truth)
+    assert found.photopic["outside"].rms == pytest.approx(0.0, abs=1e-12)
+    assert found.photopic["strip"].largest == pytest.approx(0.2, rel=1e-9)
+    inside = found.strip.sum()
+    expected = 0.2 * np.sqrt(4 * 24 / inside)
+    assert found.photopic["strip"].rms == pytest.approx(expected, rel=1e-9)
+    assert found.photopic["strip"].bias == pytest.approx(0.2 * 4 * 24 / inside, rel=1e-9)
+    assert found.spectral["strip"][7].rms == pytest.approx(expected, rel=1e-9)
+    assert found.photopic["all"].pixels == 24 * 60
+    assert float(found.difference[3, 0, 30]) == pytest.approx(0.2)
+    assert float(found.relative_difference[0, 30]) == pytest.approx(0.2)
+
+
+def test_noise_is_subtracted_in_quadrature():
+    rng = np.random.default_rng(8)
+    noise = 0.05
+    one = image(1.0 + noise * rng.normal(size=(31, 24, 60)), noise)
+    other = image(1.0 + noise * rng.normal(size=(31, 24, 60)), noise)
+    raw = np.std(one.irradiance.values - other.irradiance.values)
+    found = occlusion_error(one, other)
+    per_wavelength = [e.rms for e in found.spectral["all"]]
+    assert raw > 0.06
+    assert np.median(per_wavelength) < 0.02
+    assert found.photopic["all"].noise > 0.0
+
+
+def test_a_method_s_own_noise_can_count_as_its_error():
+    rng = np.random.default_rng(9)
+    noisy = image(1.0 + 0.05 * rng.normal(size=(31, 24, 60)), 0.05)
+    exact = image(1.0)
+    assert occlusion_error(noisy, exact).spectral["all"][5].rms < 0.02
+    counted = occlusion_error(noisy, exact, noise_is_error=True)
+    assert counted.spectral["all"][5].rms == pytest.approx(0.05, rel=0.1)
+
+
+def test_images_on_other_grids_or_without_depth_are_refused():
+    with pytest.raises(ic.InvalidInputError, match="same grid"):
+        occlusion_error(image(1.0), image(1.0, shape=(24, 40)))
+    with pytest.raises(ic.InvalidInputError, match="vergence_dpt"):
+        occlusion_error(image(1.0, depth_step=False), image(1.0, depth_step=False))
+
+
+@pytest.fixture(scope="module")
+def comparison():
+    return compare(
+        ic.scenes.two_planes(),
+        ic.eyes.navarro(4.0, 2.0),
+        fov_deg=2.0,
+        resolution=64,
+        samples=(8, 64),
+        reference_spp=256,
+    )
+
+
+def test_the_comparison_ranks_the_methods_as_theory_does(comparison):
+    by_method = {t.method: t for t in comparison.trials if t.spp is None}
+    assert by_method["layered_sum"].error_strip > 0.15
+    assert by_method["layered_over"].error_strip < 0.5 * by_method["layered_sum"].error_strip
+    assert by_method["layered_sum"].error_outside < 0.05
+    traced = {t.spp: t for t in comparison.trials if t.spp is not None}
+    assert traced[64].error < traced[8].error
+
+
+def test_the_error_of_a_trial_is_measured_and_agrees_with_what_it_reports(comparison):
+    for trial in comparison.trials:
+        if trial.spp is not None:
+            assert trial.error == pytest.approx(trial.reported_error, rel=0.15)
+
+
+def test_the_reference_is_independent_of_the_trials(comparison):
+    assert comparison.reference.provenance["seed"] == REFERENCE_SEED_OFFSET
+    with pytest.raises(ic.InvalidInputError, match="at least twice"):
+        compare(ic.scenes.two_planes(), ic.eyes.navarro(), samples=(64,), reference_spp=100)
+
+
+def test_the_report_holds_what_it_promises(comparison, tmp_path):
+    from isetcl.report import report_record, write_report
+
+    files = write_report(
+        comparison, tmp_path, edge_angle_deg=45.0, white_point="E", command="isetcl compare"
+    )
+    names = {f.name for f in files}
+    assert names == {
+        "ray_tracing.png",
+        "ray_tracing.nc",
+        "layered_sum.png",
+        "layered_sum.nc",
+        "layered_over.png",
+        "layered_over.nc",
+        "images.png",
+        "difference_layered_sum.png",
+        "difference_layered_over.png",
+        "profiles.png",
+        "error_against_time.png",
+        "report.html",
+        "report.json",
+    }
+    assert {p.name for p in tmp_path.iterdir()} == names
+    page = (tmp_path / "report.html").read_text()
+    assert page.count("data:image/png;base64,") == 5
+    assert 'src="http' not in page
+    record = json.loads((tmp_path / "report.json").read_text())
+    assert record["trials"] == json.loads(json.dumps(report_record(comparison, "")["trials"]))
+    loaded = ic.RetinalImage.load(tmp_path / "layered_sum.nc")
+    np.testing.assert_array_equal(
+        loaded.irradiance.values, comparison.images["layered_sum"].irradiance.values
+    )
+
+
+def test_pictures_are_not_blank(comparison, tmp_path):
+    from skimage.io import imread
+
+    from isetcl import plots
+
+    for name, figure in {
+        "images": plots.retinal_images(comparison),
+        "profiles": plots.edge_profiles(comparison, 45.0),
+        "trials": plots.error_against_time(comparison.trials),
+        "maps": plots.difference_maps(
+            "layered_sum", comparison.errors["layered_sum"], comparison.reference
+        ),
+    }.items():
+        path = tmp_path / f"{name}.png"
+        figure.savefig(path, dpi=60)
+        plots.close(figure)
+        pixels = imread(path)[..., :3].reshape(-1, 3)
+        assert len(np.unique(pixels, axis=0)) > 50
+
+
+def test_the_profile_crosses_the_edge_at_zero(comparison):
+    from isetcl import plots
+
+    figure = plots.edge_profiles(comparison, 45.0)
+    ray_tracing = figure.axes[0].lines[0]
+    x, y = ray_tracing.get_xdata(), ray_tracing.get_ydata()
+    # The near plane's bright check at the left falls to the blurred far plane at the edge.
+    steepest = x[np.argmax(np.abs(np.gradient(y)))]
+    assert abs(steepest) < 3.0
+    plots.close(figure)

@@ -1,0 +1,203 @@
+"""Plans: what is compiled in, with reasons; bands; grids; memory."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from oracles import reduced_eye
+
+import isetcl as ic
+from isetcl.eye.exit_pupil import exit_pupil_bound
+from isetcl.eye.sequential import trace
+from isetcl.render import plan as plan_module
+from isetcl.render.direct import tiles
+from isetcl.retina.bands import choose_bands
+from isetcl.spectrum import default_wavelengths_nm
+
+
+def features(plan):
+    return {
+        f.name: getattr(plan.config, f.name)
+        for f in dataclasses.fields(plan.config)
+        if f.name.startswith("has_")
+    }
+
+
+def test_a_simple_scene_needs_little():
+    plan = ic.plan(ic.scenes.two_planes(texture="uniform"), ic.eyes.legrand(3.0), fov_deg=5.0)
+    assert {name for name, value in features(plan).items() if value} == {"has_patches"}
+    assert plan.config.n_basis == 1
+    text = plan.explain()
+    for line in ("conic surfaces", "spheres", "images", "far sides", "clipping", "emission only"):
+        assert line in text
+    assert "every refracting surface is a sphere" in text
+
+
+def test_every_feature_is_found_when_it_is_needed():
+    white = ic.Spectrum.equal_energy()
+    picture = ic.Image(np.random.default_rng(0).random((8, 8, 3)))
+    blue = ic.Spectrum.illuminant("D65")
+    scene = ic.Scene(
+        (
+            ic.SceneObject("disc", ic.Disc((0, 0, -1), 0.1), ic.Emission(white)),
+            ic.SceneObject(
+                "ball",
+                ic.Sphere((0, 0, -2), 0.3),
+                ic.Emission(blue, ic.Checkerboard(2, 2)),
+            ),
+            ic.SceneObject(
+                "picture",
+                ic.Quad((-1, -1, -3), (2, 0, 0), (0, 2, 0)),
+                ic.scenes.picture(picture),
+            ),
+        )
+    )
+    eye = ic.eyes.navarro(8.0)
+    aspheric = dataclasses.replace(
+        eye, retina=ic.Retina.from_radius(23.9203, -12.0, 0.2), accommodation_model=None
+    )
+    plan = ic.plan(scene, aspheric, fov_deg=130.0, resolution=16, bands=1)
+    assert all(features(plan).values())
+    # Equal energy and the three primaries; D65 is the sum of the primaries.
+    assert plan.config.n_basis == 4
+    assert plan.config.texture_channels == 3
+
+
+def test_another_prescription_pupil_or_accommodation_compiles_nothing_new():
+    scene = ic.scenes.two_planes()
+    configs = {
+        ic.plan(scene, eye, fov_deg=5.0, resolution=64, bands=4).config
+        for eye in (
+            ic.eyes.navarro(2.0),
+            ic.eyes.navarro(5.0, 3.0),
+            ic.eyes.arizona(4.0, 1.0),
+            ic.eyes.arizona(3.0, interpolation="linear"),
+        )
+    }
+    assert len(configs) == 1
+
+
+def test_one_band_serves_an_achromatic_eye_or_a_single_wavelength():
+    achromatic = ic.plan(ic.scenes.uniform(), reduced_eye(), fov_deg=5.0)
+    assert len(achromatic.band_choice.bands) == 1
+    assert "bends all wavelengths alike" in achromatic.explain()
+    single = ic.plan(ic.scenes.uniform(), ic.eyes.navarro(), wavelengths_nm=[550.0])
+    assert len(single.band_choice.bands) == 1
+
+
+def test_every_wavelength_belongs_to_exactly_one_band_for_every_legal_number():
+    # The paper's renderer leaves the longest wavelengths black for 19 of its 30 legal values.
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 10.0, 256)
+    wavelengths = default_wavelengths_nm()
+    for count in range(1, 32):
+        bands = choose_bands(grid.eye, grid, wavelengths, count).bands
+        assert len(bands) == count
+        assert [i for b in bands for i in range(b.first, b.last + 1)] == list(range(31))
+        for band in bands:
+            assert wavelengths[band.first] <= band.wavelength_nm <= wavelengths[band.last]
+
+
+def test_more_bands_leave_less_displacement_and_31_leave_none():
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 10.0, 256)
+    left = [
+        choose_bands(grid.eye, grid, default_wavelengths_nm(), n).displacement_pixels
+        for n in (1, 2, 4, 8, 16, 31)
+    ]
+    assert left == sorted(left, reverse=True)
+    assert left[-1] == 0.0
+
+
+def test_auto_takes_fewer_bands_where_pixels_are_coarse():
+    eye = ic.eyes.navarro()
+    coarse = ic.RetinalGrid.of(eye, 40.0, 64)
+    fine = ic.RetinalGrid.of(eye, 2.0, 512)
+    wavelengths = default_wavelengths_nm()
+    few = choose_bands(eye, coarse, wavelengths, "auto")
+    many = choose_bands(eye, fine, wavelengths, "auto")
+    assert len(few.bands) < len(many.bands) == 16
+    assert few.displacement_pixels <= 0.5
+
+
+def test_images_are_averaged_down_where_a_pixel_covers_many_texels():
+    picture = ic.Image(np.random.default_rng(0).random((2048, 2048)))
+    plan = ic.plan(ic.scenes.image_plane(picture, 1.0, 10.0), ic.eyes.navarro(), resolution=64)
+    # 32 texels across a pixel: blocks of 8 leave 4, whose blur is a fifth of the pixel's own.
+    assert plan.images[0].shape == (256, 256)
+    assert "1/8" in plan.explain()
+    fine = ic.plan(ic.scenes.image_plane(picture, 1.0, 10.0), ic.eyes.navarro(), resolution=1024)
+    assert fine.images[0].shape == (2048, 2048)
+
+
+def test_texels_are_packed_only_where_that_is_harmless():
+    picture = ic.Image(np.random.default_rng(0).random((8, 8, 3)))
+    scene = ic.scenes.image_plane(picture, 1.0, 10.0)
+    rough = ic.plan(scene, ic.eyes.navarro(), expected_error=0.01)
+    exact = ic.plan(scene, ic.eyes.navarro(), expected_error=1e-4)
+    double = ic.plan(scene, ic.eyes.navarro(), precision="double", expected_error=0.01)
+    packed = [p.config.is_texture_packed for p in (rough, exact, double)]
+    assert packed == [True, False, False]
+
+
+def test_tiles_cover_the_image_once(monkeypatch):
+    monkeypatch.setattr(plan_module, "_TILE_FILM_BYTES", 4000)
+    plan = ic.plan(ic.scenes.uniform(), ic.eyes.navarro(), resolution=(37, 23), bands=2)
+    covered = np.zeros((23, 37), dtype=int)
+    for tile in tiles(plan):
+        covered[tile.window] += 1
+        assert tile.columns <= plan.tile[0]
+        assert tile.rows <= plan.tile[1]
+    assert (covered == 1).all()
+    assert len(tiles(plan)) > 1
+
+
+@pytest.mark.parametrize("stop_mm", [0.1, 2.0, 8.0])
+@pytest.mark.parametrize("limit", [0.5, 10.0, 40.0, 75.0])
+@pytest.mark.parametrize("name", ["navarro", "arizona", "legrand"])
+def test_the_pupil_bound_misses_no_light(name, stop_mm, limit):
+    # Shoot many rays at a region 20 % wider than the bound: all that pass lie inside it.
+    eye = ic.eyes.by_name(name, stop_mm)
+    grid_map = eye.field_map(550.0)
+    bound = exit_pupil_bound(eye, 450.0, grid_map, limit)
+    rng = np.random.default_rng(2)
+    inside, passed = 0, 0
+    for field in np.linspace(0.0, limit, 7):
+        g = field / limit
+        s = g * g
+        poly = np.polynomial.polynomial.polyval
+        semi = float(poly(s, bound.semi))
+        tangential = semi + s * float(poly(s, bound.stretch))
+        r = 1.2 * np.sqrt(rng.uniform(size=4000))
+        turn = rng.uniform(0, 2 * np.pi, 4000)
+        x = semi * r * np.cos(turn)
+        y = g * float(poly(s, bound.centre)) + tangential * r * np.sin(turn)
+        start = grid_map.retinal_point_mm(np.array(0.0), np.array(field))
+        aim = np.stack([x, y, np.full_like(x, bound.z_mm)], axis=1) - start
+        rays = trace(eye, np.broadcast_to(start, aim.shape), aim, 450.0, towards="scene")
+        assert not np.any(rays.passed & (r > 1.0 + 1e-9))
+        inside += int(np.sum(r <= 1.0))
+        passed += int(rays.passed.sum())
+    if not bound.clipped_elsewhere:
+        assert passed > 0.97 * inside
+
+
+def test_grids_are_upright_and_centred():
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 4.0, (8, 4), (1.0, -2.0))
+    assert grid.fov_deg == (4.0, 2.0)
+    assert grid.x_deg.mean() == pytest.approx(1.0)
+    assert grid.y_deg.mean() == pytest.approx(-2.0)
+    assert grid.y_deg[0] > grid.y_deg[-1]
+    assert grid.shape == (4, 8)
+    assert grid.directions()[0, 0, 1] > grid.directions()[-1, 0, 1]
+
+
+def test_the_polynomials_of_a_grid_are_its_chief_rays():
+    for fov in (0.5, 20.0, 100.0):
+        grid = ic.RetinalGrid.of(ic.eyes.navarro(), fov, 16)
+        chord, depth = grid.polynomials()
+        g = np.linspace(0.01, 1.0, 33)
+        poly = np.polynomial.polynomial.polyval
+        point = grid.field_map.retinal_point_mm(0 * g, g * grid.limit_deg)
+        np.testing.assert_allclose(-g * poly(g * g, chord), point[:, 1], atol=2e-8)
+        np.testing.assert_allclose(
+            poly(g * g, depth) + grid.eye.retina.vertex_z_mm, point[:, 2], atol=2e-8
+        )
