@@ -93,7 +93,7 @@ def test_an_object_nearer_than_the_near_point_is_refused():
 
 
 def test_an_eye_without_accommodation_says_where_it_is_focused():
-    with pytest.raises(ic.FocusError, match="cannot accommodate.*in focus|focused at"):
+    with pytest.raises(ic.FocusError, match=r"cannot accommodate.*focused at"):
         ic.eyes.legrand(4.0).focus_at(0.5)
 
 

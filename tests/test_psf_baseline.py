@@ -80,7 +80,12 @@ def test_off_axis_psfs_agree_with_axial_ones_at_the_axis():
 
 @pytest.mark.parametrize(
     ("vergence", "pitch", "match"),
-    [(-0.1, 0.01, "between 0 and"), (1e4, 0.01, "between 0 and"), (1.0, 0.0, "pitch_deg"), (2.0, 1e-6, "samples across")],
+    [
+        (-0.1, 0.01, "between 0 and"),
+        (1e4, 0.01, "between 0 and"),
+        (1.0, 0.0, "pitch_deg"),
+        (2.0, 1e-6, "samples across"),
+    ],
 )
 def test_impossible_psfs_are_refused(vergence, pitch, match):
     with pytest.raises(ic.InvalidInputError, match=match):

@@ -18,7 +18,7 @@ from isetcl.render.accumulate import TileAccumulator
 
 @pytest.mark.parametrize("builder", [ic.eyes.navarro, ic.eyes.arizona, ic.eyes.legrand])
 @pytest.mark.parametrize("stop_mm", [0.1, 3.0, 7.0])
-def test_uniform_radiance_gives_pi_n2_L_sin2_on_axis(builder, stop_mm, precision):
+def test_uniform_radiance_gives_pi_n2_l_sin2_on_axis(builder, stop_mm, precision):
     eye = builder(stop_mm)
     light = ic.Spectrum.equal_energy(100.0)
     image = ic.render(
@@ -121,7 +121,8 @@ def test_the_same_seed_gives_the_same_bits_on_one_thread(device, tmp_path):
         pytest.skip("the number of threads is set for PoCL")
     code = (
         "import isetcl as ic, numpy as np, sys;"
-        "i = ic.render(ic.scenes.two_planes(), ic.eyes.navarro(), fov_deg=2.0, resolution=40, spp=16);"
+        "s = ic.scenes.two_planes();"
+        "i = ic.render(s, ic.eyes.navarro(), fov_deg=2.0, resolution=40, spp=16);"
         "np.save(sys.argv[1], i.irradiance.values)"
     )
     images = []

@@ -143,7 +143,7 @@ def test_conics_near_their_rim_agree_with_50_digits(curvature, conic):
         direction = np.array([[math.sin(angle), 0.0, math.cos(angle)]])
         target = np.array([rim * 0.999, 0.0, 0.0])
         z = curvature * rim**2 / (1 + math.sqrt(1 - (1 + conic) * (curvature * rim) ** 2))
-        origin = (target + [0.0, 0.0, z] - 3.0 * direction[0])[None]
+        origin = (target + np.array([0.0, 0.0, z]) - 3.0 * direction[0])[None]
         rays = trace_elements((element,), origin, direction, "retina")
         exact = mp_trace((element,), origin[0], direction[0], 1)
         assert (exact is not None) == bool(rays.passed[0])
@@ -236,15 +236,18 @@ def test_a_lost_ray_stays_where_it_was_lost_and_says_where():
     assert "stop" in rays.summary()
 
 
-def test_far_sides_are_met_at_wide_fields_only():
+def test_the_far_side_is_met_from_inside_a_sphere_and_nowhere_in_an_eye_to_100_degrees():
+    inside = np.array([[0.0, 0.0, 5.0]])
+    outwards = np.array([[1.0, 0.0, 0.2]]) / math.hypot(1.0, 0.2)
+    assert meets_far_side((single(0.2, 0.0),), inside, outwards, "scene")[0]
+    assert not meets_far_side((single(0.2, 0.0),), inside, -outwards, "scene")[0]
     eye = ic.eyes.navarro(4.0)
-    sequence = elements(eye, 550.0)
-    _, wide = hard_rays()
-    near = meets_far_side(sequence, np.array([[0, 0, -1.0]]), np.array([[0, 0, 1.0]]), "retina")
-    assert not near.any()
-    behind = trace(eye, np.array([[0.0, -11.0, 3.04 - 1.0]]), np.array([[0.0, 1.0, 0.09]]), 550.0)
-    if behind.passed.all():
-        assert behind.positions_mm[0, 2] < 23.92 - 12.0
+    sequence = tuple(e for e in reversed(elements(eye, 550.0)) if e.kind is not ElementKind.RETINA)
+    for field in (0.0, 50.0, 100.0):
+        start = eye.field_map(550.0).retinal_point_mm(np.array(0.0), np.array(field))
+        aim = np.array([0.0, 0.0, 3.68]) - start
+        unit = (aim / np.linalg.norm(aim))[None]
+        assert not meets_far_side(sequence, start[None], unit, "scene")[0]
 
 
 def test_opl_forward_equals_opl_backward():

@@ -11,8 +11,8 @@ import isetcl as ic
 from isetcl.device.tracer import RayTracer
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.rays import RayStatus
-from isetcl.eye.sequential import trace as host_trace
 from isetcl.eye.sequential import intersect_conic, trace_elements
+from isetcl.eye.sequential import trace as host_trace
 
 # Largest error on the retina, mm: 0.01 um in single precision, 1e-12 mm in double.
 TOLERANCE = {"single": 1e-5, "double": 1e-12}

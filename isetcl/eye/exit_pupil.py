@@ -24,8 +24,8 @@ from isetcl.eye.sequential import meets_far_side, trace_elements
 
 MARGIN = 1e-6
 """Relative excess of the bound over the outermost ray found. A loose bound is noise: 0.4 % costs
-4.5 times the variance at 64 samples on smooth scenes; at 1e-5 the rare lost ray still is the largest
-error of a uniform scene."""
+4.5 times the variance at 64 samples on smooth scenes; at 1e-5 the rare lost ray is still the
+largest error of a uniform scene."""
 
 _AZIMUTHS = 24
 _CHECK_AZIMUTHS = 40

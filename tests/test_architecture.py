@@ -1,0 +1,130 @@
+"""The order of the layers, and what importing isetcl costs."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "isetcl"
+
+# Imports only go down this list.
+ORDER = (
+    {"version"},
+    {"errors", "units", "spectrum", "data"},
+    {"eye"},
+    {"scene"},
+    {"device", "kernels"},
+    {"retina"},
+    {"render", "psf_baseline"},
+    {"cones"},
+    {"validation"},
+    {"plots"},
+    {"report"},
+    {"distributed"},
+    {"cli"},
+)
+RANK = {name: i for i, group in enumerate(ORDER) for name in group}
+BASELINE_MAY_IMPORT = {
+    "version",
+    "errors",
+    "units",
+    "spectrum",
+    "eye",
+    "scene",
+    "retina",
+    "psf_baseline",
+}
+
+
+def imported_modules(path):
+    """Dotted names under isetcl that a file imports, inside functions too."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {a.name for a in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+            names |= {f"{node.module}.{a.name}" for a in node.names}
+    return {n for n in names if n.split(".")[0] == "isetcl"}
+
+
+def layer(path):
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return parts[0]
+
+
+FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
+
+
+@pytest.mark.parametrize("path", FILES, ids=[str(p.relative_to(PACKAGE)) for p in FILES])
+def test_imports_only_go_down(path):
+    own = layer(path)
+    for name in imported_modules(path):
+        other = name.split(".")[1]
+        assert other in RANK, f"{path.name} imports {name}, which has no place in the order"
+        if other != own:
+            assert RANK[other] <= RANK[own], f"{own} must not import {name}"
+            assert {own, other} != {"render", "psf_baseline"}
+
+
+def test_every_module_has_a_place_in_the_order():
+    for path in FILES:
+        assert layer(path) in RANK
+
+
+def test_the_baseline_imports_neither_renderer_nor_opencl():
+    for path in (PACKAGE / "psf_baseline").rglob("*.py"):
+        assert {n.split(".")[1] for n in imported_modules(path)} <= BASELINE_MAY_IMPORT
+        assert "pyopencl" not in path.read_text()
+
+
+def test_only_the_device_layer_and_the_pipeline_touch_opencl():
+    users = {str(p.relative_to(PACKAGE)) for p in FILES if "import pyopencl" in p.read_text()}
+    assert all(u.startswith("device/") or u == "render/direct.py" for u in users)
+
+
+def test_there_is_no_opencl_c_inside_python():
+    for path in FILES:
+        text = path.read_text()
+        assert "get_global_id" not in text
+        assert "__kernel" not in text
+
+
+def test_importing_isetcl_is_cheap():
+    heavy = ("pyopencl", "scipy", "xarray", "pandas", "colour", "matplotlib", "skimage", "trimesh")
+    code = f"import isetcl, sys; print([m for m in {heavy!r} if m in sys.modules])"
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
+
+
+def test_every_public_name_exists():
+    import isetcl
+
+    for name in isetcl.__all__:
+        assert getattr(isetcl, name) is not None
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = isetcl.nonsense
+
+
+def test_the_render_function_survives_importing_its_package():
+    code = (
+        "import isetcl, isetcl.render.plan\n"
+        "from isetcl.render import schedule\n"
+        "assert callable(isetcl.render) and isetcl.plan is not None"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_kernels_never_call_what_stops_vectorisation_or_loses_precision():
+    for path in (PACKAGE / "kernels").rglob("*.cl"):
+        code = "\n".join(
+            line
+            for line in path.read_text().splitlines()
+            if not line.lstrip().startswith(("*", "/*"))
+        )
+        calls = re.findall(r"\b(native_\w+|half_\w+|mad|vload\d*|vstore\d*)\s*\(", code)
+        assert calls == [], f"{path.name} calls {calls}"

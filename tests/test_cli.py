@@ -1,0 +1,116 @@
+"""The command line as a user meets it."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import isetcl as ic
+
+SMALL = ["--size", "48", "--spp", "32"]
+
+
+def run(*arguments, cwd=None, env=None):
+    return subprocess.run(
+        [sys.executable, "-m", "isetcl.cli", *arguments],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=env,
+        check=False,
+    )
+
+
+def test_compare_writes_its_folder_and_prints_a_table(tmp_path):
+    result = run("compare", *SMALL, "--output", "results", cwd=tmp_path)
+    assert result.returncode == 0, result.stderr
+    assert "layered sum (M3)" in result.stdout
+    assert "report.html" in result.stdout
+    folder = tmp_path / "results"
+    record = json.loads((folder / "report.json").read_text())
+    assert {t["method"] for t in record["trials"]} == {"ray tracing", "layered_sum", "layered_over"}
+    assert record["command"].startswith("isetcl compare --size 48")
+    assert ic.RetinalImage.load(folder / "ray_tracing.nc").irradiance.shape == (31, 48, 48)
+    for name in ("images", "profiles", "error_against_time", "difference_layered_over"):
+        assert (folder / f"{name}.png").stat().st_size > 5000
+
+
+def test_compare_takes_photographs(tmp_path):
+    from skimage.io import imsave
+
+    rng = np.random.default_rng(0)
+    for name, shape in (("a.jpg", (90, 60, 3)), ("b.png", (60, 90))):
+        imsave(tmp_path / name, rng.integers(0, 255, shape).astype(np.uint8), check_contrast=False)
+    result = run(
+        *("compare", "--near-image", "a.jpg", "--far-image", "b.png", "--near", "0.4"),
+        *("--far", "3", "--eye", "arizona", "--pupil", "6", "--accommodation", "2.5"),
+        *("--fov", "8", *SMALL, "-o", "photos"),
+        cwd=tmp_path,
+    )
+    assert result.returncode == 0, result.stderr
+    record = json.loads((tmp_path / "photos" / "report.json").read_text())
+    assert record["reference"]["eye"]["name"] == "arizona"
+    assert record["reference"]["eye"]["stop"]["diameter_mm"] == 6.0
+    assert record["methods"]["layered_sum"]["layers_dpt"] == pytest.approx([1 / 3, 2.5], rel=1e-6)
+
+
+BAD = [
+    (["--eye", "navaro"], "did you mean navarro"),
+    (["--near", "3", "--far", "1"], "near_m must be smaller than far_m"),
+    (["--near", "-1"], "must be > 0"),
+    (["--pupil", "0"], "pupil_diameter_mm must be > 0"),
+    (["--near-image", "a.jpg"], "give both --near-image and --far-image"),
+    (["--near-image", "a.jpg", "--far-image", "b.jpg"], "'a.jpg' does not exist"),
+    (["--accommodation", "much"], "'near', 'far' or 'relaxed'"),
+    (["--accommodation", "50"], "move the object farther away"),
+    (["--fov", "400"], "chief rays enter"),
+    (["--size", "0"], "resolution"),
+    (["--spp", "1"], "--spp must be >= 2"),
+    (["--device", "abacus"], "no OpenCL device matches 'abacus'"),
+    (["--output", "/proc/nowhere"], "cannot write into folder"),
+    (["--eye", "legrand"], "--accommodation relaxed"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "message"), BAD, ids=[" ".join(b[0]) for b in BAD])
+def test_bad_input_is_explained_without_a_traceback(
+    arguments, message, tmp_path, monkeypatch, capsys
+):
+    from isetcl import cli
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["isetcl", "compare", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    assert stopped.value.code == 2
+    errors = capsys.readouterr().err
+    assert message in errors
+    assert "Traceback" not in errors
+    assert not list(tmp_path.glob("**/*.nc"))
+
+
+def test_devices_shows_self_test_and_speed():
+    result = run("devices")
+    assert result.returncode == 0, result.stderr
+    assert "passed" in result.stdout
+    assert "million rays/s" in result.stdout
+
+
+def test_info_shows_versions():
+    result = run("info")
+    assert result.returncode == 0
+    assert f"isetcl {ic.__version__}" in result.stdout
+
+
+def test_an_eye_that_cannot_accommodate_is_compared_relaxed(tmp_path, monkeypatch, capsys):
+    from isetcl import cli
+
+    monkeypatch.chdir(tmp_path)
+    arguments = ["compare", "--eye", "legrand", "--accommodation", "relaxed", *SMALL]
+    monkeypatch.setattr(sys, "argv", ["isetcl", *arguments])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    assert stopped.value.code == 0
+    assert (tmp_path / "isetcl-compare" / "report.html").exists()
