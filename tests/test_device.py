@@ -251,7 +251,11 @@ def test_no_opencl_platform_at_all_is_a_clear_error(tmp_path):
     code = "import isetcl as ic; ic.trace_rays(ic.eyes.navarro(), [0, 0, -1], [0, 0, 1], 550.0)"
     result = subprocess.run(
         [sys.executable, "-c", code],
-        env={"OCL_ICD_VENDORS": str(tmp_path), "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)},
+        env={
+            "OCL_ICD_VENDORS": str(tmp_path / "none"),
+            "PATH": "/usr/bin:/bin",
+            "HOME": str(tmp_path),
+        },
         capture_output=True,
         text=True,
         check=False,
