@@ -1,9 +1,9 @@
 """Error against samples and seconds: how fast it falls, and whether the reported error is true.
 
-Against an independent reference (another seed, float64, at least 64 times the samples), in the scenes
-of the paper's Figure 12: checkerboards, and uniform planes with the same edge. Slopes are fitted in
-log-log; random samples would have -0.5. Honesty: over 64 seeds, the spread of the image over the mean
-reported error.
+Against an independent reference (another seed, float64, at least 64 times the samples), in the
+scenes of the paper's Figure 12: checkerboards, and uniform planes with the same edge. Slopes are
+fitted in log-log; random samples would have -0.5. Honesty: over 64 seeds, the spread of the image
+over the mean reported error.
 """
 
 from __future__ import annotations

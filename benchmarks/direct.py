@@ -1,9 +1,9 @@
 """Paths through the fused kernel per second: retina, eye, scene, film; against Mitsuba's thin lens.
 
-The scene of the paper's Figure 12 at 10 degrees, 256 x 256 pixels, 64 samples, 8 bands: 33.6 million
-paths a run. A path is one sample of one band of one pixel; all that pass the stop are useful.
-Mitsuba's scene is emission only too, through a thin lens of the same aperture; its path carries four
-wavelengths and no eye.
+The scene of the paper's Figure 12 at 10 degrees, 256 x 256 pixels, 64 samples, 8 bands: 33.6
+million paths a run. A path is one sample of one band of one pixel; all that pass the stop are
+useful. Mitsuba's scene is emission only too, through a thin lens of the same aperture; its path
+carries four wavelengths and no eye.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def main() -> None:
             for n, r in results.items()
         ],
     )
-    show("CPU time of Mitsuba's path over that of ours", [("", "times")] + list(ratios.items()))
+    show("CPU time of Mitsuba's path over that of ours", [("", "times"), *ratios.items()])
     show(
         "vector widths, checkerboards",
         rows

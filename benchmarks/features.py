@@ -1,8 +1,9 @@
 """What a feature costs: left out, compiled in but not used, and used.
 
 Kernel time of one replicate (256 x 256 pixels, 32 samples, 8 bands), all variants interleaved.
-"left out" is the kernel the plan makes for the plain scene (two uniform planes, Le Grand's spherical
-eye); "unused" compiles one more feature in; "used" changes scene or eye so that it is needed.
+"left out" is the kernel the plan makes for the plain scene (two uniform planes, Le Grand's
+spherical eye); "unused" compiles one more feature in; "used" changes scene or eye so that it is
+needed.
 """
 
 from __future__ import annotations

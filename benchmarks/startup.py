@@ -1,4 +1,4 @@
-"""Time to import isetcl, and to the first retinal image of a process with empty caches and with full.
+"""Time to import isetcl, and to the first retinal image of a process, with and without caches.
 
 Every measurement is a new process. The first image is 128 x 128 pixels, 16 samples, of the paper's
 Figure 12 scene.
@@ -31,7 +31,8 @@ prepared = time.perf_counter()
 image = ic.render(scene, eye, fov_deg=2, resolution=128, spp=16, progress=False)
 done = time.perf_counter()
 import json
-print(json.dumps({"import": imported - start, "eye": prepared - imported, "render": done - prepared}))
+parts = {"import": imported - start, "eye": prepared - imported, "render": done - prepared}
+print(json.dumps(parts))
 """
 
 

@@ -173,7 +173,7 @@ def main() -> None:
     programs = plain_c()
     totals: dict[str, Timing] = {}
     c_totals = {precision: Timing() for precision in programs}
-    # Blocks of a few repetitions in turn: C is another process, so it cannot alternate call by call.
+    # Blocks of a few repetitions in turn: C is another process and cannot alternate call by call.
     for _ in range(rounds):
         for name, timing in interleave(candidates, 3).items():
             total = totals.setdefault(name, Timing())
@@ -210,8 +210,8 @@ def main() -> None:
             for name, r in results.items()
         ],
     )
-    show("ratios of CPU time", [("", "times faster")] + list(ratios.items()))
-    show("largest error against 40 digits, mm", [("", "mm")] + list(errors.items()))
+    show("ratios of CPU time", [("", "times faster"), *ratios.items()])
+    show("largest error against 40 digits, mm", [("", "mm"), *errors.items()])
     path = save(
         "trace_rays",
         {

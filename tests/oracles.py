@@ -11,6 +11,17 @@ import numpy as np
 
 mp.mp.dps = 50
 
+# Facts on peers, mpmath 40 digits: collimated rays at 550 nm through Navarro's eye with indices
+# 1.376, 1.3374, 1.42, 1.336: height, y and z on the retina.
+PEERS_RAYS = (
+    (0.001, 3.7839421307428795e-6, 23.920299999999403),
+    (0.5, 0.0016283600264415013, 23.920299889518484),
+    (1.0, 0.0016371094498218435, 23.920299888328027),
+    (1.5, -0.0017854517751460182, 23.920299867173414),
+    (2.0, -0.010848100463140873, 23.920295096612179),
+    (2.25, -0.018350801803235426, 23.920285968661512),
+)
+
 
 def mp_trace(sequence, origin, direction, sense):
     """One ray through elements (isetcl.eye.prescription.Element), 50 digits.
@@ -206,3 +217,24 @@ def reduced_eye(stop_diameter_mm=4.0, axial_length_mm=22.0, index=4.0 / 3.0, con
         ic.Stop(0.0, stop_diameter_mm),
         ic.Retina.from_radius(axial_length_mm, -axial_length_mm),
     )
+
+
+def peers_eye(stop_diameter_mm=4.02):
+    """Navarro's eye with the fixed indices of the comparison with other programs."""
+    import isetcl as ic
+
+    index = {"cornea": 1.376, "aqueous": 1.3374, "lens": 1.42, "vitreous": 1.336}
+    eye = ic.eyes.navarro(4.0)
+    surfaces = tuple(
+        ic.Surface(
+            s.name,
+            s.vertex_z_mm,
+            s.curvature,
+            s.conic,
+            s.semi_diameter_mm,
+            ic.Medium(name, ic.ConstantIndex(n)),
+        )
+        for s, (name, n) in zip(eye.surfaces, index.items(), strict=True)
+    )
+    retina = ic.Retina.from_radius(23.9203, -12.0)
+    return ic.Eye("peers", surfaces, ic.Stop(3.6, stop_diameter_mm), retina)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracles import reduced_eye
+from oracles import peers_eye, reduced_eye
 
 import isetcl as ic
 from isetcl.eye.focus import focus_vergence_dpt, rms_spot_mm
@@ -59,21 +59,7 @@ def test_the_spot_is_smallest_at_the_vergence_of_best_focus():
 
 def test_rms_spot_of_a_uniform_collimated_beam_is_the_published_integral():
     # 40-digit integral for the peers' eye; the beam fills the stop of radius 2 mm.
-    index = {"cornea": 1.376, "aqueous": 1.3374, "lens": 1.42, "vitreous": 1.336}
-    eye = ic.eyes.navarro(4.0)
-    surfaces = tuple(
-        ic.Surface(
-            s.name,
-            s.vertex_z_mm,
-            s.curvature,
-            s.conic,
-            s.semi_diameter_mm,
-            ic.Medium(name, ic.ConstantIndex(n)),
-        )
-        for s, (name, n) in zip(eye.surfaces, index.items(), strict=True)
-    )
-    peers = ic.Eye("peers", surfaces, eye.stop, ic.Retina.from_radius(23.9203, -12.0))
-    assert rms_spot_mm(peers, 0.0, 550.0) == pytest.approx(0.0076965677733493855, rel=1e-9)
+    assert rms_spot_mm(peers_eye(4.0), 0.0, 550.0) == pytest.approx(0.0076965677733493855, rel=1e-9)
 
 
 def test_a_descartes_surface_is_focused_at_infinity_without_blur():

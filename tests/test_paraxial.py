@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from oracles import reduced_eye
+from oracles import peers_eye, reduced_eye
 
 import isetcl as ic
 from isetcl.eye.paraxial import object_vergence_dpt
@@ -128,25 +128,12 @@ def test_a_stop_at_the_only_surface_is_both_its_own_pupils():
 
 def test_the_peers_eye_has_the_published_power_and_focus():
     # mpmath, 40 digits, for indices 1.376, 1.3374, 1.42, 1.336.
-    index = {"cornea": 1.376, "aqueous": 1.3374, "lens": 1.42, "vitreous": 1.336}
-    eye = navarro_543()
-    surfaces = tuple(
-        ic.Surface(
-            s.name,
-            s.vertex_z_mm,
-            s.curvature,
-            s.conic,
-            s.semi_diameter_mm,
-            ic.Medium(name, ic.ConstantIndex(n)),
-        )
-        for s, (name, n) in zip(eye.surfaces, index.items(), strict=True)
-    )
-    c = ic.Eye("peers", surfaces, eye.stop, eye.retina).cardinal_points(550.0)
+    c = peers_eye().cardinal_points(550.0)
     assert c.power_dpt == pytest.approx(60.41557386895208, rel=1e-13)
     assert c.focal_length_back_mm == pytest.approx(22.113503430389137, rel=1e-13)
     assert c.focal_point_back_mm - 7.6 == pytest.approx(16.403976263645475, rel=1e-13)
     assert c.focal_point_front_mm == pytest.approx(-14.968874619131924, rel=1e-13)
-    pupil = ic.Eye("peers", surfaces, eye.stop, eye.retina).entrance_pupil(550.0)
+    pupil = peers_eye().entrance_pupil(550.0)
     assert pupil.magnification == pytest.approx(1.1328384180315612, rel=1e-13)
     assert pupil.z_mm == pytest.approx(3.042426614184212, rel=1e-13)
 

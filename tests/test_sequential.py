@@ -4,40 +4,12 @@ import math
 
 import numpy as np
 import pytest
-from oracles import mp_trace
+from oracles import PEERS_RAYS, mp_trace, peers_eye
 
 import isetcl as ic
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.rays import RayStatus
 from isetcl.eye.sequential import meets_far_side, trace, trace_elements
-
-# Facts on peers, mpmath 40 digits: collimated rays at 550 nm through Navarro's eye with indices
-# 1.376, 1.3374, 1.42, 1.336: height, y and z on the retina.
-PEERS_RAYS = (
-    (0.001, 3.7839421307428795e-6, 23.920299999999403),
-    (0.5, 0.0016283600264415013, 23.920299889518484),
-    (1.0, 0.0016371094498218435, 23.920299888328027),
-    (1.5, -0.0017854517751460182, 23.920299867173414),
-    (2.0, -0.010848100463140873, 23.920295096612179),
-    (2.25, -0.018350801803235426, 23.920285968661512),
-)
-
-
-def peers_eye(stop_diameter_mm=4.02):
-    index = {"cornea": 1.376, "aqueous": 1.3374, "lens": 1.42, "vitreous": 1.336}
-    eye = ic.eyes.navarro(4.0)
-    surfaces = tuple(
-        ic.Surface(
-            s.name,
-            s.vertex_z_mm,
-            s.curvature,
-            s.conic,
-            s.semi_diameter_mm,
-            ic.Medium(name, ic.ConstantIndex(n)),
-        )
-        for s, (name, n) in zip(eye.surfaces, index.items(), strict=True)
-    )
-    return ic.Eye("peers", surfaces, ic.Stop(3.6, stop_diameter_mm), eye.retina)
 
 
 def test_collimated_rays_reproduce_the_40_digit_references():

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from oracles import mp_trace
-from test_sequential import PEERS_RAYS, hard_rays, peers_eye
+from oracles import PEERS_RAYS, mp_trace, peers_eye
+from test_sequential import hard_rays
 
 import isetcl as ic
 from isetcl.device.tracer import RayTracer
