@@ -64,7 +64,7 @@ def machine() -> dict[str, Any]:
                 break
     except OSError:
         pass
-    from isetcl.device.devices import find_device
+    from isetcl.device.choose import find_device
 
     return {
         "processor": model,

@@ -18,7 +18,7 @@ import numpy as np
 from common import Timing, interleave, save, show, versions
 
 import isetcl as ic
-from isetcl.device.devices import find_device
+from isetcl.device.choose import find_device
 from isetcl.device.tracer import RayTracer
 from isetcl.eye.prescription import elements
 

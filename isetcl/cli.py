@@ -109,7 +109,8 @@ def devices(
     from rich.table import Table
 
     from isetcl.device import selftest
-    from isetcl.device.devices import ENVIRONMENT_VARIABLE, find_device, list_devices
+    from isetcl.device.choose import ENVIRONMENT_VARIABLE, find_device
+    from isetcl.device.devices import list_devices
     from isetcl.device.layout import Precision
 
     found = list_devices()
@@ -130,7 +131,7 @@ def devices(
         for precision in precisions:
             result = selftest.run(device, precision)
             verdict = "passed" if result.passed else "; ".join(result.failures)
-            speed = f"{result.rays_per_s / 1e6:.0f}"
+            speed = f"{result.rays_per_s / 1e6:.3g}"
             table.add_row(precision, verdict, speed, f"{1000 * result.ray_error_mm:.1g}")
         console.print(table)
     console.print(f"Choose one with --device or {ENVIRONMENT_VARIABLE}.", highlight=False)

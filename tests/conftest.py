@@ -16,7 +16,7 @@ os.environ.setdefault("COLUMNS", "100")
 
 @pytest.fixture(scope="session")
 def device():
-    from isetcl.device.devices import find_device
+    from isetcl.device.choose import find_device
 
     return find_device()
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl.device import devices, pocl, program, selftest
+from isetcl.device import choose, devices, pocl, program, selftest
 from isetcl.device.layout import Member, Struct
 from isetcl.errors import DeviceError, KernelBuildError
 
@@ -103,26 +103,26 @@ def test_the_fastest_device_that_passes_is_chosen(device, monkeypatch):
 
 
 def test_a_device_is_found_by_index_and_by_part_of_its_name(device):
-    assert devices.find_device(device.index) is device
-    assert devices.find_device(device.name[:5].upper()) is device
+    assert choose.find_device(device.index) is device
+    assert choose.find_device(device.name[:5].upper()) is device
 
 
 def test_the_environment_variable_names_the_device_unless_an_argument_does(device, monkeypatch):
     monkeypatch.setenv("ISETCL_DEVICE", "no such thing")
     with pytest.raises(DeviceError, match="no such thing"):
-        devices.find_device()
-    assert devices.find_device(device.index) is device
+        choose.find_device()
+    assert choose.find_device(device.index) is device
 
 
 def test_an_unknown_device_is_refused_with_the_list(device):
     with pytest.raises(DeviceError, match=f"nvidia.*found.*{device.name[:6]}"):
-        devices.find_device("nvidia")
+        choose.find_device("nvidia")
 
 
 def test_without_any_device_the_message_says_how_to_get_one(monkeypatch):
-    monkeypatch.setattr(devices, "list_devices", lambda: ())
+    monkeypatch.setattr(choose, "list_devices", lambda: ())
     with pytest.raises(DeviceError, match="pip install pocl-binary-distribution"):
-        devices.find_device()
+        choose.find_device()
 
 
 def test_includes_are_inlined_once_and_lines_keep_their_numbers():

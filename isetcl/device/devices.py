@@ -1,26 +1,17 @@
-"""OpenCL devices: finding them, choosing one, and what isetcl needs to know about it."""
+"""OpenCL devices: which there are, and what isetcl needs to know about them."""
 
 from __future__ import annotations
 
 import functools
-import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from isetcl.device import pocl
 from isetcl.device.layout import Precision
-from isetcl.errors import DeviceError, InvalidInputError, check_choice
+from isetcl.errors import DeviceError, check_choice
 
 if TYPE_CHECKING:
     import pyopencl
-
-ENVIRONMENT_VARIABLE = "ISETCL_DEVICE"
-
-_HOW_TO_GET_ONE = (
-    "install PoCL with `pip install pocl-binary-distribution` (Linux x86-64), with "
-    "`apt install pocl-opencl-icd`, or your graphics driver's OpenCL; `isetcl devices` lists "
-    "what is found"
-)
 
 
 @dataclass(eq=False)
@@ -32,7 +23,7 @@ class Device:
     raw
         The pyopencl device.
     index
-        "platform:device", as `choose_device` accepts it.
+        "platform:device", as `find_device` accepts it.
     target
         The processor that kernels are compiled for, where isetcl had to name one.
     """
@@ -93,6 +84,9 @@ class Device:
         options = ["-cl-std=CL1.2"]
         if self.raw.single_fp_config & correctly_rounded:
             options.append("-cl-fp32-correctly-rounded-divide-sqrt")
+        if self.is_interpreter:
+            # Oclgrind lacks an instruction that the optimiser makes of reversing bits.
+            options.append("-cl-opt-disable")
         return tuple(options)
 
     def vector_width(self, precision: Precision) -> int:
@@ -161,36 +155,3 @@ def list_devices() -> tuple[Device, ...]:
                 target = pocl.name_unknown_processor(raw.int_ptr)
             found.append(Device(raw, f"{p}:{d}", target))
     return tuple(found)
-
-
-def find_device(wanted: str | None = None) -> Device:
-    """The device that was asked for, or the fastest that passes the self-test.
-
-    Parameters
-    ----------
-    wanted
-        "0:1" (platform and device index) or a part of the platform's or device's name, in any
-        case. None: the environment variable ISETCL_DEVICE, then the fastest.
-
-    Raises
-    ------
-    DeviceError
-        If there is no device, none has the name, or the one asked for fails its self-test.
-    """
-    wanted = wanted if wanted is not None else os.environ.get(ENVIRONMENT_VARIABLE) or None
-    devices = list_devices()
-    if not devices:
-        raise DeviceError(f"no OpenCL device was found; {_HOW_TO_GET_ONE}")
-    from isetcl.device import selftest
-
-    if wanted is None:
-        return selftest.fastest(devices)
-    if not isinstance(wanted, str):
-        raise InvalidInputError(f"device must be a name or an index such as '0:0', got {wanted!r}")
-    needle = wanted.lower()
-    for device in devices:
-        if device.index == needle or needle in f"{device.platform} {device.name}".lower():
-            selftest.require(device)
-            return device
-    known = "; ".join(f"{d.index} {d.platform}: {d.name}" for d in devices)
-    raise DeviceError(f"no OpenCL device matches {wanted!r}; found {known}")

@@ -14,7 +14,8 @@ from typing import Literal
 
 import numpy as np
 
-from isetcl.device.devices import Device, find_device
+from isetcl.device.choose import find_device
+from isetcl.device.devices import Device
 from isetcl.device.layout import Precision
 from isetcl.errors import InvalidInputError, OutOfMemoryError, check_choice
 from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound

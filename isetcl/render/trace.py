@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from isetcl.device.devices import find_device
+from isetcl.device.choose import find_device
 from isetcl.device.layout import Precision
 from isetcl.device.tracer import RayTracer, has_conics, travel_order
 from isetcl.errors import InvalidInputError, check_choice, check_vectors
