@@ -23,6 +23,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
+INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells have it."""
+
 PAPER_FOV_DEG = 2.0
 PHOTOGRAPH_FOV_DEG = 8.0
 
@@ -70,26 +73,30 @@ def compare(
     model = _model_eye(eye, pupil, accommodation, near, far)
     samples = _trial_samples(spp)
     check_folder(output)
-    with _StepBar() as bar:
-        comparison = run(
-            scene,
-            model,
-            fov_deg=field,
-            resolution=size,
-            samples=samples,
-            reference_spp=4 * spp,
-            seed=seed,
-            device=device,
-            on_step=bar,
-        )
-        bar("writing the report", 1.0)
-        write_report(
-            comparison,
-            output,
-            edge_angle_deg=edge_angle,
-            white_point=white_point,
-            command=shlex.join(["isetcl", *sys.argv[1:]]),
-        )
+    try:
+        with _StepBar() as bar:
+            comparison = run(
+                scene,
+                model,
+                fov_deg=field,
+                resolution=size,
+                samples=samples,
+                reference_spp=4 * spp,
+                seed=seed,
+                device=device,
+                on_step=bar,
+            )
+            bar("writing the report", 1.0)
+            write_report(
+                comparison,
+                output,
+                edge_angle_deg=edge_angle,
+                white_point=white_point,
+                command=shlex.join(["isetcl", *sys.argv[1:]]),
+            )
+    except KeyboardInterrupt:
+        print("isetcl: interrupted before there was a report to write", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
     console = Console()
     console.print(_table(comparison))
     console.print(
@@ -98,6 +105,9 @@ def compare(
         highlight=False,
         soft_wrap=True,
     )
+    if not comparison.is_complete:
+        print("isetcl: interrupted; the report holds what was finished", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED)
 
 
 @app.command()

@@ -5,11 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-import matplotlib
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -50,13 +45,12 @@ def retinal_images(comparison: Comparison, white_point: str = "E") -> Figure:
     """All images side by side in the same exposure."""
     images = [("ray tracing", comparison.reference), *comparison.images.items()]
     white = float(np.percentile(comparison.reference.illuminance_lux, 99.5))
-    figure, axes = plt.subplots(
-        1, len(images), figsize=(4.6 * len(images), 4.7), sharey=True, layout="constrained"
-    )
-    for ax, (name, image) in zip(np.atleast_1d(axes), images, strict=True):
+    figure = Figure(figsize=(4.6 * len(images), 4.7), layout="constrained")
+    axes = figure.subplots(1, len(images), sharey=True, squeeze=False)[0]
+    for ax, (name, image) in zip(axes, images, strict=True):
         image.plot(ax, white_lux=white, white_point=white_point)
         ax.set_title(method_label(name))
-        ax.set_ylabel("visual angle (deg)" if ax is np.atleast_1d(axes)[0] else "")
+        ax.set_ylabel("visual angle (deg)" if ax is axes[0] else "")
     return figure
 
 
@@ -66,7 +60,8 @@ def difference_maps(name: str, error: OcclusionError, reference: RetinalImage) -
     signed = 100.0 * error.photopic_difference.values / level
     limit = max(float(np.percentile(np.abs(signed), 99.8)), 0.5)
     extent = _extent(error.photopic_difference)
-    figure, axes = plt.subplots(1, 2, figsize=(10.6, 4.9), sharey=True, layout="constrained")
+    figure = Figure(figsize=(10.6, 4.9), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
     panels = (
         (signed, "RdBu_r", -limit, "signed: method minus ray tracing"),
         (np.abs(signed), "magma", 0.0, "absolute"),
@@ -109,7 +104,8 @@ def edge_profiles(comparison: Comparison, edge_angle_deg: float) -> Figure:
     shown: list[int | None] = [None]
     if len(wavelengths) > 1:
         shown += [int(np.argmin(np.abs(wavelengths - w))) for w in (450.0, 550.0, 650.0)]
-    figure, axes = plt.subplots(2, 2, figsize=(10.6, 7.2), sharex=True, layout="constrained")
+    figure = Figure(figsize=(10.6, 7.2), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True)
     strip = _sample(error.strip.astype(float), line)
     styles = ("-", (0, (4, 1.5)), (0, (1.5, 1.5)))
     for ax, index in zip(axes.ravel(), shown, strict=False):
@@ -207,9 +203,8 @@ def _sample(values: np.ndarray, line: tuple[np.ndarray, np.ndarray]) -> np.ndarr
 
 def error_against_time(trials: Sequence[Trial]) -> Figure:
     """Every method and sample count: error against run time, over the image and in the strip."""
-    figure, axes = plt.subplots(
-        1, 2, figsize=(10.6, 5.2), sharex=True, sharey=True, layout="constrained"
-    )
+    figure = Figure(figsize=(10.6, 5.2), layout="constrained")
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
     regions = (("error", "whole image"), ("error_strip", "within a |D1 - D2| of the depth edge"))
     for ax, (field, title) in zip(axes, regions, strict=True):
         _draw_trials(ax, trials, field)
@@ -264,8 +259,3 @@ def _draw_trials(ax: Axes, trials: Sequence[Trial], field: str) -> None:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
     ax.grid(True, which="major", lw=0.4, alpha=0.7)
-
-
-def close(figure: Figure) -> None:
-    """Free a figure."""
-    plt.close(figure)

@@ -9,7 +9,6 @@ import json
 import os
 import platform
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -63,12 +62,13 @@ def write_report(
     figures = {"images": plots.retinal_images(comparison, white_point)}
     for name, error in comparison.errors.items():
         figures[f"difference_{name}"] = plots.difference_maps(name, error, comparison.reference)
-    figures["profiles"] = plots.edge_profiles(comparison, edge_angle_deg)
-    figures["error_against_time"] = plots.error_against_time(comparison.trials)
+    if comparison.errors:
+        figures["profiles"] = plots.edge_profiles(comparison, edge_angle_deg)
+    if comparison.trials:
+        figures["error_against_time"] = plots.error_against_time(comparison.trials)
     for name, figure in figures.items():
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=120)
-        plots.close(figure)
         pictures[name] = buffer.getvalue()
         written.append(_write(folder / f"{name}.png", pictures[name]))
     record = report_record(comparison, command)
@@ -89,6 +89,7 @@ def report_record(comparison: Comparison, command: str) -> dict[str, Any]:
             "system": platform.platform(),
             "processors": os.cpu_count(),
         },
+        "is_complete": comparison.is_complete,
         "build_s": comparison.build_s,
         "total_s": comparison.total_s,
         "trials": [asdict(trial) for trial in comparison.trials],
@@ -171,6 +172,38 @@ th { font-weight: 600; } pre { background: #f6f6f6; padding: 0.8em; overflow-x: 
 
 def _page(comparison: Comparison, record: dict[str, Any], pictures: dict[str, bytes]) -> str:
     """The self-contained HTML report."""
+    content = "".join(
+        f"<h2>{html.escape(title)}</h2>{part}"
+        for title, part in _sections(comparison, record, pictures)
+    )
+    scene = html.escape(record["reference"]["scene"])
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>isetcl: {scene}</title><style>{_STYLE}</style></head>"
+        f"<body><h1>One retinal image, ray-traced and by PSF convolution</h1>"
+        f'<p class="lead">{html.escape(_lead(record))}</p>{content}'
+        f'<p class="lead">isetcl {__version__}; all numbers are in report.json.</p></body></html>'
+    )
+
+
+def _lead(record: dict[str, Any]) -> str:
+    """What was rendered, in a line."""
+    reference = record["reference"]
+    eye, grid = reference["eye"], reference["grid"]
+    return (
+        f"{reference['scene']}; {eye['name']} eye, stop {eye['stop']['diameter_mm']:.3g} mm "
+        f"(entrance pupil {reference['entrance_pupil_diameter_mm']:.3g} mm); "
+        f"{grid['resolution'][0]} x {grid['resolution'][1]} pixels over "
+        f"{grid['fov_deg'][0]:g} x {grid['fov_deg'][1]:g} deg; "
+        f"{len(record['wavelengths_nm'])} wavelengths; {reference['device']}."
+    )
+
+
+def _sections(
+    comparison: Comparison, record: dict[str, Any], pictures: dict[str, bytes]
+) -> list[tuple[str, str]]:
+    """Headings of the report and what stands under them."""
 
     def figure(name: str, caption: str) -> str:
         data = base64.b64encode(pictures[name]).decode()
@@ -179,53 +212,46 @@ def _page(comparison: Comparison, record: dict[str, Any], pictures: dict[str, by
             f"<figcaption>{html.escape(caption)}</figcaption></figure>"
         )
 
+    sections = []
+    if not comparison.is_complete:
+        note = "<p>Ctrl-C ended this comparison early; it shows what was finished.</p>"
+        sections.append(("Interrupted", note))
+    sections.append(("Retinal images", figure("images", "All in the same exposure.")))
+    if comparison.errors:
+        differences = "".join(
+            figure(
+                f"difference_{name}",
+                f"{plots.method_label(name)}. Solid: depth edge; dotted: borders of the strip "
+                "within a |D1 - D2| of it (a: radius of the entrance pupil, D: vergences).",
+            )
+            for name in comparison.errors
+        )
+        sections += [
+            ("Where the PSF methods differ from ray tracing", differences),
+            ("Across the depth edge", figure("profiles", "Illuminance and irradiance.")),
+        ]
+    if comparison.trials:
+        caption = (
+            f"Kernels built before ({record['build_s']:.1f} s to the first image). The reference "
+            f"has {record['reference']['samples_per_pixel']} samples, another seed."
+        )
+        plot = figure("error_against_time", caption)
+        sections.append(("Error against run time", plot + _table(comparison)))
+    sections += [
+        ("What was compiled, and why", f"<pre>{html.escape(comparison.plan_text)}</pre>"),
+        ("How to repeat it", f"<pre>{html.escape(record['command'])}</pre>"),
+    ]
+    return sections
+
+
+def _table(comparison: Comparison) -> str:
+    """The trials as an HTML table."""
     head = "".join(f"<th>{html.escape(name)}</th>" for name in TABLE_HEAD)
     body = "".join(
         "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
         for row in table_rows(comparison)
     )
-    differences = "".join(
-        figure(
-            f"difference_{name}",
-            f"{plots.method_label(name)}. Solid: depth edge; dotted: borders of the strip within "
-            "a |D1 - D2| of it (a: radius of the entrance pupil, D: vergences).",
-        )
-        for name in comparison.images
-    )
-    reference = record["reference"]
-    eye = reference["eye"]
-    lead = (
-        f"{reference['scene']}; {eye['name']} eye, stop {eye['stop']['diameter_mm']:.3g} mm "
-        f"(entrance pupil {reference['entrance_pupil_diameter_mm']:.3g} mm); "
-        f"{reference['grid']['resolution'][0]} x {reference['grid']['resolution'][1]} pixels over "
-        f"{reference['grid']['fov_deg'][0]:g} x {reference['grid']['fov_deg'][1]:g} deg; "
-        f"{len(record['wavelengths_nm'])} wavelengths; {reference['device']}."
-    )
-    sections: list[tuple[str, Callable[[], str]]] = [
-        ("Retinal images", lambda: figure("images", "All in the same exposure.")),
-        ("Where the PSF methods differ from ray tracing", lambda: differences),
-        ("Across the depth edge", lambda: figure("profiles", "Illuminance and irradiance.")),
-        (
-            "Error against run time",
-            lambda: (
-                figure(
-                    "error_against_time",
-                    f"Kernels built before ({record['build_s']:.1f} s to the first image). The "
-                    f"reference has {reference['samples_per_pixel']} samples, another seed.",
-                )
-                + f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-                + "<p>Errors are photopic, root mean square, in % of the mean illuminance.</p>"
-            ),
-        ),
-        ("What was compiled, and why", lambda: f"<pre>{html.escape(comparison.plan_text)}</pre>"),
-        ("How to repeat it", lambda: f"<pre>{html.escape(record['command'])}</pre>"),
-    ]
-    content = "".join(f"<h2>{html.escape(title)}</h2>{make()}" for title, make in sections)
     return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>isetcl: {html.escape(reference['scene'])}</title><style>{_STYLE}</style></head>"
-        f"<body><h1>One retinal image, ray-traced and by PSF convolution</h1>"
-        f'<p class="lead">{html.escape(lead)}</p>{content}'
-        f'<p class="lead">isetcl {__version__}; all numbers are in report.json.</p></body></html>'
+        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        "<p>Errors are photopic, root mean square, in % of the mean illuminance.</p>"
     )

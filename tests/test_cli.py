@@ -1,6 +1,7 @@
 """The command line as a user meets it."""
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -114,3 +115,49 @@ def test_an_eye_that_cannot_accommodate_is_compared_relaxed(tmp_path, monkeypatc
         cli.main()
     assert stopped.value.code == 0
     assert (tmp_path / "isetcl-compare" / "report.html").exists()
+
+
+@pytest.mark.parametrize(
+    ("when", "finished"),
+    [
+        ("ray tracing, 2 samples", {"ray_tracing"}),
+        ("PSF method layered_over", {"ray_tracing", "layered_sum"}),
+    ],
+)
+def test_ctrl_c_leaves_a_report_of_what_was_finished(when, finished, tmp_path, monkeypatch, capsys):
+    from isetcl import cli
+
+    class Interrupts(cli._StepBar):
+        def __call__(self, text, fraction):
+            if text.startswith(when):
+                signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "_StepBar", Interrupts)
+    monkeypatch.setattr(sys, "argv", ["isetcl", "compare", *SMALL])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    assert stopped.value.code == 130
+    assert "the report holds what was finished" in capsys.readouterr().err
+    folder = tmp_path / "isetcl-compare"
+    record = json.loads((folder / "report.json").read_text())
+    assert record["is_complete"] is False
+    assert {path.stem for path in folder.glob("*.nc")} == finished
+    assert "Ctrl-C ended" in (folder / "report.html").read_text()
+
+
+def test_ctrl_c_before_there_is_anything_says_so(tmp_path, monkeypatch, capsys):
+    from isetcl import cli
+
+    class Interrupts(cli._StepBar):
+        def __call__(self, text, fraction):
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli, "_StepBar", Interrupts)
+    monkeypatch.setattr(sys, "argv", ["isetcl", "compare", *SMALL])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    assert stopped.value.code == 130
+    assert "before there was a report" in capsys.readouterr().err
+    assert not list(tmp_path.glob("**/*.nc"))

@@ -187,9 +187,11 @@ def test_a_long_sum_is_continued_in_float64():
     prepared = plan(scenes()["two planes"], ic.eyes.navarro(), resolution=8, bands=1)
     pipeline = DirectPipeline(prepared)
     tile = Tile(0, 0, 8, 8)
-    whole = pipeline.sample(tile, 2048, 3)
-    parts = [pipeline._launch(tile, first, 1024, 2048, 3) for first in (0, 1024)]
-    np.testing.assert_allclose(whole, (parts[0] + parts[1]) / 2, rtol=1e-12)
+    whole = pipeline.sample(tile, 640, 3)
+    pieces = ((0, 256), (256, 256), (512, 128))
+    parts = [pipeline._launch(tile, first, count, 640, 3) for first, count in pieces]
+    expected = (2 * parts[0] + 2 * parts[1] + parts[2]) / 5
+    np.testing.assert_allclose(whole, expected, rtol=1e-12)
 
 
 def test_of_coincident_shapes_the_first_is_seen(precision):

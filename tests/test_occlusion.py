@@ -78,7 +78,21 @@ def test_a_known_difference_is_reported_by_region():
     assert found.spectral["strip"][7].rms == pytest.approx(expected, rel=1e-9)
     assert found.photopic["all"].pixels == 24 * 60
     assert float(found.difference[3, 0, 30]) == pytest.approx(0.2)
-    assert float(found.relative_difference[0, 30]) == pytest.approx(0.2)
+    strip = found.photopic["strip"]
+    assert strip.mean_absolute == pytest.approx(0.2 * 4 * 24 / inside, rel=1e-9)
+    assert strip.level == pytest.approx(float(truth.illuminance_lux[0, 0]), rel=1e-9)
+
+
+def test_relative_differences_are_over_each_pixel_s_own_truth():
+    values = np.linspace(1.0, 2.0, 60) * np.ones((24, 1))
+    values[:, 3] = 0.0
+    truth = image(values)
+    found = occlusion_error(image(values + 0.1), truth)
+    assert float(found.relative_difference[5, 0, 0]) == pytest.approx(0.1)
+    assert float(found.relative_difference[5, 0, -1]) == pytest.approx(0.05)
+    assert float(found.photopic_relative_difference[7, -1]) == pytest.approx(0.05)
+    assert np.isnan(found.relative_difference[5, :, 3]).all()
+    assert np.isnan(found.photopic_relative_difference[:, 3]).all()
 
 
 def test_noise_is_subtracted_in_quadrature():
@@ -192,7 +206,6 @@ def test_pictures_are_not_blank(comparison, tmp_path):
     }.items():
         path = tmp_path / f"{name}.png"
         figure.savefig(path, dpi=60)
-        plots.close(figure)
         pixels = imread(path)[..., :3].reshape(-1, 3)
         assert len(np.unique(pixels, axis=0)) > 50
 
@@ -206,4 +219,3 @@ def test_the_profile_crosses_the_edge_at_zero(comparison):
     # The near plane's bright check at the left falls to the blurred far plane at the edge.
     steepest = x[np.argmax(np.abs(np.gradient(y)))]
     assert abs(steepest) < 3.0
-    plots.close(figure)

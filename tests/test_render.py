@@ -1,6 +1,7 @@
 """Rendered images: absolute units, honest errors, and independence of how the work was cut."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -272,6 +273,75 @@ def test_a_render_interrupted_before_two_replicates_raises():
         ic.render(
             ic.scenes.two_planes(), ic.eyes.navarro(), resolution=16, spp=64, progress=interrupt
         )
+
+
+def test_ctrl_c_waits_for_the_end_of_a_launch():
+    def interrupt(progress):
+        if progress.fraction >= 0.5:
+            signal.raise_signal(signal.SIGINT)
+            seen.append(progress.fraction)
+
+    seen: list[float] = []
+    image = ic.render(
+        ic.scenes.two_planes(), ic.eyes.navarro(), resolution=16, spp=512, progress=interrupt
+    )
+    assert len(seen) == 1
+    assert image.provenance["is_complete"] is False
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_a_second_ctrl_c_is_immediate():
+    def interrupt(progress):
+        signal.raise_signal(signal.SIGINT)
+        signal.raise_signal(signal.SIGINT)
+        raise AssertionError("the second Ctrl-C must not return")
+
+    with pytest.raises(KeyboardInterrupt):
+        ic.render(
+            ic.scenes.two_planes(), ic.eyes.navarro(), resolution=16, spp=64, progress=interrupt
+        )
+
+
+def test_a_program_that_handles_ctrl_c_itself_keeps_its_handler():
+    calls: list[int] = []
+    previous = signal.signal(signal.SIGINT, lambda number, frame: calls.append(number))
+    try:
+        image = ic.render(
+            ic.Scene(),
+            ic.eyes.navarro(),
+            resolution=4,
+            spp=4,
+            progress=lambda progress: signal.raise_signal(signal.SIGINT),
+        )
+    finally:
+        signal.signal(signal.SIGINT, previous)
+    assert calls
+    assert image.provenance["is_complete"] is True
+
+
+def test_interrupted_after_the_pilot_the_pilot_is_the_image():
+    """The pilot of an ambitious target is dropped for longer replicates, but only once there are
+    two of them."""
+    states: list[float] = []
+
+    def interrupt(progress):
+        states.append(progress.error)
+        if len(states) > 3 and np.isnan(progress.error):
+            raise KeyboardInterrupt
+
+    image = ic.render(
+        ic.scenes.two_planes(),
+        ic.eyes.navarro(),
+        fov_deg=2.0,
+        resolution=16,
+        target_error=2e-4,
+        progress=interrupt,
+    )
+    assert np.isfinite(states).any()
+    assert image.provenance["is_complete"] is False
+    assert image.provenance["replicates"] == 2
+    assert image.provenance["samples_per_pixel"] == 64
+    assert image.relative_error > 2e-4
 
 
 def test_a_black_scene_is_black_without_nan():

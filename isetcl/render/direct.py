@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -18,8 +19,11 @@ from isetcl.render.plan import Plan
 if TYPE_CHECKING:
     import pyopencl
 
-SAMPLES_PER_LAUNCH = 1024
-"""Most samples summed in the kernel's own precision; longer sums are continued in float64."""
+SAMPLES_PER_LAUNCH = 256
+"""Most samples summed in the kernel's own precision; longer sums are continued in float64.
+
+The same whatever the tile, so that the sums are too; a launch takes about a second at most.
+"""
 
 
 @dataclass(frozen=True)
@@ -129,16 +133,16 @@ class DirectPipeline:
         ndarray, (channels, rows, columns)
             Film channels (band, basis): irradiance per unit of each basis spectrum, sr.
         """
-        total: np.ndarray | None = None
+        film = np.zeros((self._channels, tile.rows, tile.columns))
+        for part, count in self.parts(tile, samples, stream):
+            film += part * (count / samples)
+        return film
+
+    def parts(self, tile: Tile, samples: int, stream: int) -> Iterator[tuple[np.ndarray, int]]:
+        """What `sample` adds up, launch by launch: mean films with their numbers of samples."""
         for first in range(0, samples, SAMPLES_PER_LAUNCH):
             count = min(SAMPLES_PER_LAUNCH, samples - first)
-            part = self._launch(tile, first, count, samples, stream)
-            if count == samples:
-                return part
-            weighted = part * (count / samples)
-            total = weighted if total is None else total + weighted
-        assert total is not None
-        return total
+            yield self._launch(tile, first, count, samples, stream), count
 
     def _launch(self, tile: Tile, first: int, count: int, block: int, stream: int) -> np.ndarray:
         import pyopencl as cl

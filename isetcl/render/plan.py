@@ -34,7 +34,7 @@ from isetcl.units import MM_PER_M
 PACKING_ERROR = 3e-4
 """Largest root-mean-square error of an 11-11-10 texel (blue, 1/1023/sqrt(12)), of its maximum."""
 
-_TILE_FILM_BYTES = 16 << 20
+_TILE_FILM_BYTES = 4 << 20
 _TEXELS_PER_FOOTPRINT = 4
 
 
@@ -434,7 +434,9 @@ def bytes_per_pixel(plan: Plan) -> int:
     wavelengths = len(plan.wavelengths_nm)
     tracked = 1 + (channels if plan.config.n_basis == 1 else wavelengths)
     result = wavelengths * 2 * (4 if plan.config.precision == "single" else 8)
-    return channels * 8 + tracked * 8 + 2 * result
+    accumulators = 8 * (channels + 2 * tracked)
+    # A pilot's accumulators are kept beside those of the longer replicates that follow it.
+    return 2 * accumulators + 2 * result
 
 
 def _available_bytes() -> int:

@@ -75,6 +75,8 @@ class Comparison:
         Time to the first, tiny image: kernels built, tables made.
     total_s : float
         Time of everything.
+    is_complete : bool
+        False if Ctrl-C ended it early; it then holds what was finished.
     """
 
     reference: RetinalImage
@@ -84,6 +86,7 @@ class Comparison:
     plan_text: str
     build_s: float
     total_s: float
+    is_complete: bool
 
 
 def compare(
@@ -121,6 +124,8 @@ def compare(
     ------
     InvalidInputError, DeviceError
         Before any work starts.
+    KeyboardInterrupt
+        If interrupted before there is a reference.
     """
     start = time.perf_counter()
     if reference_spp < 2 * max(samples, default=1):
@@ -137,27 +142,30 @@ def compare(
     explained = plan(scene, eye, device=device, expected_error=1e-3, **where).explain()
     render(scene, eye, spp=2, seed=seed, device=device, progress=False, **where)
     build_s = time.perf_counter() - start
-    with steps.sampling("ray tracing, reference", reference_spp) as show:
-        reference = render(
-            scene,
-            eye,
-            spp=reference_spp,
-            seed=seed + REFERENCE_SEED_OFFSET,
-            device=device,
-            progress=show,
-            **where,
-        )
-    trials = []
-    for spp in samples:
-        with steps.sampling(f"ray tracing, {spp} samples", spp) as show:
-            image = render(scene, eye, spp=spp, seed=seed, device=device, progress=show, **where)
-        trials.append(_trial("ray tracing", spp, image, reference))
-    images, errors = {}, {}
-    for name in methods:
-        with steps.method(name) as advance:
-            images[name] = psf_baseline.render(scene, eye, method=name, progress=advance, **where)
-        errors[name] = occlusion_error(images[name], reference)
-        trials.append(_trial(name, None, images[name], reference))
+
+    def trace(text: str, spp: int, seed: int) -> RetinalImage:
+        with steps.sampling(text, spp) as show:
+            return render(scene, eye, spp=spp, seed=seed, device=device, progress=show, **where)
+
+    reference = trace("ray tracing, reference", reference_spp, seed + REFERENCE_SEED_OFFSET)
+    trials: list[Trial] = []
+    images: dict[str, RetinalImage] = {}
+    errors: dict[str, OcclusionError] = {}
+    is_complete = True
+    try:
+        _go_on_if_complete(reference)
+        for spp in samples:
+            image = trace(f"ray tracing, {spp} samples", spp, seed)
+            _go_on_if_complete(image)
+            trials.append(_trial("ray tracing", spp, image, reference))
+        for name in methods:
+            with steps.method(name) as advance:
+                image = psf_baseline.render(scene, eye, method=name, progress=advance, **where)
+            errors[name] = occlusion_error(image, reference)
+            images[name] = image
+            trials.append(_trial(name, None, image, reference))
+    except KeyboardInterrupt:
+        is_complete = False
     return Comparison(
         reference,
         images,
@@ -166,7 +174,14 @@ def compare(
         explained,
         build_s,
         time.perf_counter() - start,
+        is_complete,
     )
+
+
+def _go_on_if_complete(image: RetinalImage) -> None:
+    """Pass an interruption on that `render` answered with an unfinished image."""
+    if not image.provenance["is_complete"]:
+        raise KeyboardInterrupt
 
 
 def _trial(method: str, spp: int | None, image: RetinalImage, reference: RetinalImage) -> Trial:

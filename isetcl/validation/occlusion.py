@@ -26,7 +26,7 @@ _WIDTH_CLASSES = 24
 
 @dataclass(frozen=True)
 class RegionError:
-    """Errors over a set of pixels, relative to the mean of the lit reference image.
+    """Errors over a set of pixels, relative to `level`; times `level` they are absolute.
 
     Attributes
     ----------
@@ -36,8 +36,10 @@ class RegionError:
         The noise that was subtracted.
     bias
         Mean signed error.
-    largest
-        Largest absolute error, noise included.
+    mean_absolute, largest
+        Mean and largest absolute error, noise included.
+    level
+        Mean of the lit pixels of the whole reference, in its unit.
     pixels
         Number of pixels; all errors are 0 if there are none.
     """
@@ -45,7 +47,9 @@ class RegionError:
     rms: float
     noise: float
     bias: float
+    mean_absolute: float
     largest: float
+    level: float
     pixels: int
 
 
@@ -59,8 +63,10 @@ class OcclusionError:
         Image minus reference, W m^-2 nm^-1.
     photopic_difference : xarray.DataArray, (y, x)
         Image minus reference, lux; for a single wavelength its irradiance.
-    relative_difference : xarray.DataArray, (y, x)
-        The photopic difference over the reference, NaN where the reference is dark.
+    relative_difference : xarray.DataArray, (wavelength, y, x)
+        The difference over the reference, NaN where the reference is dark.
+    photopic_relative_difference : xarray.DataArray, (y, x)
+        The same for the photopic difference.
     strip : ndarray of bool, (y, x)
         Pixels within a |D1 - D2| of a depth edge.
     photopic : dict of RegionError
@@ -72,6 +78,7 @@ class OcclusionError:
     difference: xarray.DataArray
     photopic_difference: xarray.DataArray
     relative_difference: xarray.DataArray
+    photopic_relative_difference: xarray.DataArray
     strip: np.ndarray
     photopic: dict[str, RegionError]
     spectral: dict[str, list[RegionError]]
@@ -112,9 +119,6 @@ def occlusion_error(
     noise2 = sum(np.square(each.standard_error.values, dtype=np.float64) for each in noisy)
     truth, off, off_noise2 = _photopic(image, reference, noisy)
     photopic_difference = difference.isel(wavelength=0, drop=True).copy(data=off)
-    lit = truth > 0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        relative = np.where(lit, off / truth, np.nan)
     regions = {"strip": strip, "outside": ~strip, "all": np.ones_like(strip)}
     spectral = {
         name: [
@@ -128,7 +132,8 @@ def occlusion_error(
     return OcclusionError(
         difference,
         photopic_difference,
-        photopic_difference.copy(data=relative),
+        difference.copy(data=_relative(difference.values, reference.irradiance.values)),
+        photopic_difference.copy(data=_relative(off, truth)),
         strip,
         {
             name: region_error(off, off_noise2, _level(truth), mask)
@@ -185,7 +190,7 @@ def region_error(
     """Errors over the pixels of a mask; `noise2` is the variance of the difference."""
     count = int(np.sum(mask))
     if count == 0 or level == 0.0:
-        return RegionError(0.0, 0.0, 0.0, 0.0, count)
+        return RegionError(0.0, 0.0, 0.0, 0.0, 0.0, level, count)
     off = difference[mask].astype(np.float64)
     noise = float(np.mean(noise2[mask], dtype=np.float64))
     square = float(np.mean(off * off))
@@ -193,7 +198,9 @@ def region_error(
         float(np.sqrt(max(square - noise, 0.0))) / level,
         float(np.sqrt(noise)) / level,
         float(np.mean(off)) / level,
+        float(np.mean(np.abs(off))) / level,
         float(np.max(np.abs(off))) / level,
+        level,
         count,
     )
 
@@ -211,6 +218,12 @@ def _photopic(
         errors = [each.dataset["illuminance_standard_error"].values for each in noisy]
         off = image.illuminance_lux.values - truth
     return truth, off, np.sum([np.square(e, dtype=np.float64) for e in errors], axis=0)
+
+
+def _relative(difference: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Difference over truth, NaN where it is dark."""
+    dark = np.full_like(difference, np.nan)
+    return np.divide(difference, truth, out=dark, where=truth > 0)
 
 
 def _level(truth: np.ndarray) -> float:

@@ -1,0 +1,150 @@
+"""What is known of an image while it is rendered: sums of all tiles, and the image they make."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from isetcl.render import sobol
+from isetcl.render.accumulate import TileAccumulator
+from isetcl.render.direct import DirectPipeline, tiles
+from isetcl.render.plan import Plan
+from isetcl.retina.depth import vergence_map
+from isetcl.retina.image import RetinalImage, relative_error
+from isetcl.spectrum import photopic_weights
+from isetcl.version import __version__
+
+
+class Film:
+    """The accumulators of all tiles, and the image they make."""
+
+    def __init__(self, prepared: Plan, pipeline: DirectPipeline, seed: int) -> None:
+        self._plan = prepared
+        self._pipeline = pipeline
+        self._seed = seed
+        self._tiles = tiles(prepared)
+        expansion = prepared.expansion
+        weights = photopic_weights(prepared.wavelengths_nm)
+        if not np.any(weights > 0):
+            weights = np.ones(len(weights))
+        rows = np.eye(expansion.shape[1]) if prepared.config.n_basis == 1 else expansion
+        self._tracked = np.vstack([rows, weights @ expansion])
+        self._next_replicate = 0
+        self._accumulators = self._empty()
+        self._pilot: list[TileAccumulator] | None = None
+        self._error, self._error_at = math.nan, 0
+
+    def _empty(self) -> list[TileAccumulator]:
+        return [TileAccumulator(self._tracked) for _ in self._tiles]
+
+    def restart(self) -> None:
+        """Begin anew with other replicates; the old ones are kept until two new are finished."""
+        self._pilot, self._accumulators = self._accumulators, self._empty()
+        self._error, self._error_at = math.nan, 0
+
+    def keep_finished(self) -> bool:
+        """Settle for what is finished, if that is enough for an error."""
+        if self.replicates < 2 and self._pilot is not None:
+            self._accumulators, self._pilot = self._pilot, None
+        return self.replicates >= 2
+
+    @property
+    def replicates(self) -> int:
+        """Replicates that all tiles have."""
+        return min(a.replicates for a in self._accumulators)
+
+    @property
+    def samples(self) -> int:
+        """Samples a pixel and band that all tiles have."""
+        return min(a.samples for a in self._accumulators)
+
+    def add_replicate(self, samples: int) -> Iterator[float]:
+        """Add a replicate to all tiles; yields the fraction done after each launch."""
+        stream = sobol.stream(self._seed, self._next_replicate)
+        self._next_replicate += 1
+        total = samples * len(self._tiles)
+        for i, (tile, accumulator) in enumerate(zip(self._tiles, self._accumulators, strict=True)):
+            film: np.ndarray | float = 0.0
+            done = 0
+            for part, count in self._pipeline.parts(tile, samples, stream):
+                film = film + part * (count / samples)
+                done += count
+                if done < samples:
+                    yield (i * samples + done) / total
+            assert isinstance(film, np.ndarray)
+            accumulator.add(film, samples)
+            yield (i + 1) * samples / total
+        if self.replicates >= 2:
+            self._pilot = None
+
+    def seconds_per_sample(self) -> float:
+        """Time of one sample a pixel over the whole image, from one small launch."""
+        tile = self._tiles[0]
+        self._pipeline.sample(tile, 1, 0)
+        start = time.perf_counter()
+        self._pipeline.sample(tile, 4, 0)
+        elapsed = (time.perf_counter() - start) / 4
+        columns, rows = self._plan.grid.resolution
+        return elapsed * columns * rows / (tile.columns * tile.rows)
+
+    def error(self) -> float:
+        """Relative standard error after the last whole replicate; NaN before two of them."""
+        if self._error_at != self.replicates:
+            self._error_at = self.replicates
+            self._error = self._relative_error() if self.replicates >= 2 else math.nan
+        return self._error
+
+    def _relative_error(self) -> float:
+        values, errors = [], []
+        for accumulator in self._accumulators:
+            values.append(np.tensordot(self._tracked[-1], accumulator.film(), axes=1).ravel())
+            errors.append(accumulator.standard_error()[-1].ravel())
+        return relative_error(np.concatenate(values), np.concatenate(errors))
+
+    def image(self, details: dict[str, Any]) -> RetinalImage:
+        """The image with its standard error, in the plan's precision."""
+        prepared = self._plan
+        dtype = np.float32 if prepared.config.precision == "single" else np.float64
+        shape = (len(prepared.wavelengths_nm), *prepared.grid.shape)
+        irradiance = np.empty(shape, dtype=dtype)
+        standard_error = np.empty(shape, dtype=dtype)
+        photopic_error = np.empty(prepared.grid.shape, dtype=dtype)
+        for tile, accumulator in zip(self._tiles, self._accumulators, strict=True):
+            window = (slice(None), *tile.window)
+            irradiance[window] = np.tensordot(prepared.expansion, accumulator.film(), axes=1)
+            error = accumulator.standard_error()
+            photopic_error[tile.window] = error[-1]
+            if prepared.config.n_basis == 1:
+                # One film channel a wavelength: its error scales with the spectrum.
+                standard_error[window] = np.tensordot(prepared.expansion, error[:-1], axes=1)
+            else:
+                standard_error[window] = error[:-1]
+        return RetinalImage.from_arrays(
+            prepared.grid,
+            prepared.wavelengths_nm,
+            irradiance,
+            standard_error=standard_error,
+            illuminance_standard_error=photopic_error,
+            vergence_dpt=vergence_map(prepared.scene, prepared.grid),
+            provenance=self._provenance() | details,
+        )
+
+    def _provenance(self) -> dict[str, Any]:
+        prepared = self._plan
+        return {
+            "method": "ray tracing",
+            "version": __version__,
+            "scene": prepared.scene.name,
+            "scene_digest": prepared.scene.digest(),
+            "seed": self._seed,
+            "samples_per_pixel": self.samples,
+            "replicates": self.replicates,
+            "bands_nm": [band.wavelength_nm for band in prepared.band_choice.bands],
+            "precision": prepared.config.precision,
+            "tile": list(prepared.tile),
+            **prepared.device.describe(),
+        }

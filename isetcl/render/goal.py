@@ -1,0 +1,97 @@
+"""When a render is done: after a number of samples, a time, or at an error."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+
+from isetcl.errors import InvalidInputError, check_count, check_positive
+from isetcl.render import schedule
+from isetcl.render.film import Film
+
+DEFAULT_SPP = 256
+MAX_SPP = 1 << 22
+
+
+class Goal:
+    """When a render is done: after a number of samples, a time, or at an error."""
+
+    def __init__(
+        self,
+        spp: int | None,
+        time_budget_s: float | None,
+        target_error: float | None,
+        start: float,
+    ) -> None:
+        if spp is not None and (time_budget_s is not None or target_error is not None):
+            raise InvalidInputError(
+                "give spp, or time_budget_s and target_error, not both: "
+                f"got spp={spp}, time_budget_s={time_budget_s}, target_error={target_error}"
+            )
+        if spp is None and time_budget_s is None and target_error is None:
+            spp = DEFAULT_SPP
+        self._spp = None if spp is None else check_count("spp", spp, 2, MAX_SPP)
+        self._deadline = math.inf
+        if time_budget_s is not None:
+            self._deadline = start + check_positive("time_budget_s", time_budget_s, "s")
+        self._target = 0.0
+        if target_error is not None:
+            self._target = check_positive("target_error", target_error)
+
+    def expected_error(self) -> float:
+        """The relative error to expect, for decisions that trade it against speed."""
+        if self._target > 0:
+            return self._target
+        # 64 samples leave about 3 % on a checkerboard with edges; the error falls as N^-0.6.
+        return 0.03 * (64.0 / self._spp) ** 0.6 if self._spp else 1e-3
+
+    def work(self, film: Film) -> Iterator[float]:
+        """Add replicates until the goal is met; yields the fraction done."""
+        if self._spp is not None:
+            done = 0
+            for size in schedule.split(self._spp):
+                for part in film.add_replicate(size):
+                    yield (done + part * size) / self._spp
+                done += size
+            return
+        size = schedule.MIN_REPLICATE_SPP
+        if self._deadline < math.inf:
+            remaining = self._deadline - time.perf_counter()
+            affordable = remaining / max(film.seconds_per_sample(), 1e-9)
+            size = max(1, min(size, int(affordable / (schedule.PILOT_REPLICATES + 0.5))))
+        for i in range(schedule.PILOT_REPLICATES):
+            for part in film.add_replicate(size):
+                yield 0.05 * (i + part) / schedule.PILOT_REPLICATES
+        yield from self._continue(film, size)
+
+    def _continue(self, film: Film, size: int) -> Iterator[float]:
+        """Go on after the pilot, with longer replicates if many samples are needed."""
+        pilot_error = film.error()
+        if pilot_error <= self._target or size < schedule.MIN_REPLICATE_SPP:
+            return
+        per_sample = film.seconds_per_sample()
+        needed = float(MAX_SPP)
+        if self._target > 0:
+            needed = schedule.samples_for_error(film.samples, pilot_error, self._target)
+        if self._deadline < math.inf:
+            remaining = self._deadline - time.perf_counter()
+            needed = min(needed, film.samples + remaining / per_sample)
+        longer = min(schedule.replicate_size_for(needed), MAX_SPP // schedule.MAX_REPLICATES)
+        if longer > size * schedule.PILOT_REPLICATES:
+            # Equal replicates make the standard error exact; the pilot is a small part of the work.
+            film.restart()
+            size = longer
+        while not self._is_done(film, size * per_sample):
+            before = film.samples
+            for part in film.add_replicate(size):
+                yield min(0.99, (before + part * size) / max(needed, 1.0))
+
+    def _is_done(self, film: Film, replicate_s: float) -> bool:
+        if film.samples >= MAX_SPP:
+            return True
+        if film.replicates < schedule.PILOT_REPLICATES:
+            return False
+        if time.perf_counter() + replicate_s > self._deadline:
+            return True
+        return film.error() <= self._target

@@ -1,0 +1,42 @@
+"""Ctrl-C between launches instead of in the middle of a sum."""
+
+from __future__ import annotations
+
+import signal
+from types import FrameType
+from typing import Any
+
+
+class DeferredInterrupt:
+    """A context in which the first Ctrl-C waits for `check`; a second one is immediate.
+
+    Outside the main thread, or where the program handles Ctrl-C in its own way, nothing changes.
+    """
+
+    def __init__(self) -> None:
+        self._is_requested = False
+        self._is_installed = False
+
+    def __enter__(self) -> DeferredInterrupt:
+        if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            try:
+                signal.signal(signal.SIGINT, self._note)
+                self._is_installed = True
+            except ValueError:
+                # Only the main thread may set handlers; no other receives Ctrl-C.
+                pass
+        return self
+
+    def __exit__(self, *details: Any) -> None:
+        if self._is_installed:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        if self._is_requested:
+            raise KeyboardInterrupt
+        self._is_requested = True
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if Ctrl-C was pressed."""
+        if self._is_requested:
+            raise KeyboardInterrupt
