@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,9 +12,6 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from isetcl.retina.image import RetinalImage
 from isetcl.validation.comparison import Comparison, Trial
 from isetcl.validation.occlusion import OcclusionError
-
-if TYPE_CHECKING:
-    import xarray
 
 RAY_COLOUR = "#1f4e79"
 METHOD_COLOURS = ("#c0392b", "#2e8b57", "#8e44ad", "#d68910", "#117a8b")
@@ -31,14 +27,6 @@ METHOD_LABELS = {
 def method_label(name: str) -> str:
     """How a method is called in figures and tables."""
     return METHOD_LABELS.get(name, name)
-
-
-def _extent(data: xarray.DataArray) -> tuple[float, float, float, float]:
-    """Borders of an image in degrees, for imshow."""
-    x, y = data["x"].values, data["y"].values
-    half_x = abs(x[1] - x[0]) / 2 if len(x) > 1 else 0.5
-    half_y = abs(y[1] - y[0]) / 2 if len(y) > 1 else 0.5
-    return (x[0] - half_x, x[-1] + half_x, y[-1] - half_y, y[0] + half_y)
 
 
 def retinal_images(comparison: Comparison, white_point: str = "E") -> Figure:
@@ -59,7 +47,7 @@ def difference_maps(name: str, error: OcclusionError, reference: RetinalImage) -
     level = float(reference.illuminance_lux.mean())
     signed = 100.0 * error.photopic_difference.values / level
     limit = max(float(np.percentile(np.abs(signed), 99.8)), 0.5)
-    extent = _extent(error.photopic_difference)
+    extent = reference.extent_deg
     figure = Figure(figsize=(10.6, 4.9), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     panels = (
@@ -99,7 +87,8 @@ def edge_profiles(comparison: Comparison, edge_angle_deg: float) -> Figure:
     reference = comparison.reference
     images = [("ray tracing", reference), *comparison.images.items()]
     error = next(iter(comparison.errors.values()))
-    position, line = _line_across(reference, edge_angle_deg, _worst_place(error, edge_angle_deg))
+    x, y = reference.dataset["x"].values, reference.dataset["y"].values
+    position, line = _line_across(x, y, edge_angle_deg, _worst_place(error, edge_angle_deg))
     wavelengths = reference.wavelengths_nm
     shown: list[int | None] = [None]
     if len(wavelengths) > 1:
@@ -159,7 +148,7 @@ def _worst_place(error: OcclusionError, edge_angle_deg: float) -> float:
     places = np.linspace(-reach, reach, 41)
     sizes = []
     for place in places:
-        _, line = _line_across_data(x, y, edge_angle_deg, place)
+        _, line = _line_across(x, y, edge_angle_deg, place)
         sizes.append(float(np.mean(np.square(_sample(data.values, line)))))
     return float(places[int(np.argmax(sizes))])
 
@@ -171,14 +160,6 @@ def _quantity(image: RetinalImage, index: int | None) -> np.ndarray:
 
 
 def _line_across(
-    image: RetinalImage, edge_angle_deg: float, along_deg: float
-) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
-    """See `_line_across_data`."""
-    x, y = image.dataset["x"].values, image.dataset["y"].values
-    return _line_across_data(x, y, edge_angle_deg, along_deg)
-
-
-def _line_across_data(
     x: np.ndarray, y: np.ndarray, edge_angle_deg: float, along_deg: float
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
     """Distances in degrees along a line across the edge, and its (rows, columns) in the image.

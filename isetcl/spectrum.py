@@ -15,7 +15,14 @@ from importlib import resources
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_positive
+from isetcl.errors import (
+    InvalidInputError,
+    check_array,
+    check_choice,
+    check_finite,
+    check_positive,
+    check_type,
+)
 from isetcl.units import LUMINOUS_EFFICACY_LM_PER_W
 
 VISIBLE_RANGE_NM = (360.0, 830.0)
@@ -35,7 +42,7 @@ def check_wavelengths(wavelengths_nm: Sequence[float] | np.ndarray | float) -> n
     InvalidInputError
         If the grid is empty, not finite, not positive or not strictly ascending.
     """
-    grid = np.atleast_1d(np.asarray(wavelengths_nm, dtype=np.float64))
+    grid = np.atleast_1d(check_array("wavelengths_nm", wavelengths_nm))
     if grid.ndim != 1 or grid.size == 0:
         raise InvalidInputError(
             f"wavelengths_nm must be a non-empty one-dimensional list, got shape {grid.shape}"
@@ -116,7 +123,8 @@ class Spectrum:
 
     def __post_init__(self) -> None:
         grid = check_wavelengths(self.wavelengths_nm)
-        values = np.atleast_1d(np.asarray(self.values, dtype=np.float64))
+        check_type("spectrum: name", self.name, str)
+        values = np.atleast_1d(check_array(f"spectrum {self.name!r}: values", self.values))
         if values.shape != grid.shape:
             raise InvalidInputError(
                 f"spectrum {self.name!r}: values must have one entry per wavelength "
@@ -191,7 +199,7 @@ class Spectrum:
 
     def scaled(self, factor: float) -> Spectrum:
         """The spectrum times a number >= 0."""
-        return Spectrum(self.wavelengths_nm, self.values * float(factor), self.name)
+        return Spectrum(self.wavelengths_nm, self.values * check_finite("factor", factor), self.name)
 
     def digest(self) -> str:
         """A hash of the samples, for provenance and caches."""

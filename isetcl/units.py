@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from isetcl.errors import InvalidInputError, check_finite
+from isetcl.errors import InvalidInputError, check_finite, check_number
 
 MM_PER_M = 1000.0
 UM_PER_MM = 1000.0
@@ -25,7 +25,7 @@ def vergence_from_distance(distance_m: float) -> float:
     InvalidInputError
         If the distance is not positive.
     """
-    distance = float(distance_m)
+    distance = check_number("distance_m", distance_m)
     if distance == math.inf:
         return 0.0
     if not distance > 0:

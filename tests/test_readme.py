@@ -1,6 +1,7 @@
 """The README does what it says."""
 
 import re
+import runpy
 import shlex
 from pathlib import Path
 
@@ -53,3 +54,9 @@ def test_linked_files_exist():
 @pytest.mark.parametrize("name", ["LICENSE", "CONTRIBUTING.md", "CHANGELOG.md", ".ci/run"])
 def test_the_promised_files_are_there(name):
     assert (ROOT / name).is_file()
+
+
+def test_the_benchmark_tables_are_those_of_the_json_files():
+    folder = ROOT / "benchmarks"
+    page = runpy.run_path(str(folder / "summary.py"))["page"]()
+    assert (folder / "README.md").read_text(encoding="utf-8") == page

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError
+from isetcl.errors import InvalidInputError, check_array
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import ElementKind, elements
 from isetcl.eye.sequential import trace_elements
@@ -69,7 +69,7 @@ class FieldMap:
         InvalidInputError
             If no chief ray reaches the point.
         """
-        arc = np.asarray(arc_mm, dtype=np.float64)
+        arc = check_array("arc_mm", arc_mm)
         limit = float(self._arc_mm(self.max_field_deg))
         if not np.all(np.abs(arc) <= limit * (1 + 1e-12)):
             raise InvalidInputError(
@@ -80,9 +80,7 @@ class FieldMap:
 
     def retinal_point_mm(self, x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
         """Point on the retina that receives the direction (x_deg, y_deg), mm, shape (..., 3)."""
-        x, y = np.broadcast_arrays(
-            np.asarray(x_deg, dtype=np.float64), np.asarray(y_deg, dtype=np.float64)
-        )
+        x, y = np.broadcast_arrays(check_array("x_deg", x_deg), check_array("y_deg", y_deg))
         field = self._inside(np.hypot(x, y))
         ratio = self._height_mm(field) / np.where(field > 0, field, 1.0)
         return np.stack([-x * ratio, -y * ratio, self._z_mm(field)], axis=-1)
@@ -95,7 +93,7 @@ class FieldMap:
         return self._entrance_z_mm(self._inside(field_deg))
 
     def _inside(self, field_deg: np.ndarray | float) -> np.ndarray:
-        field = np.asarray(field_deg, dtype=np.float64)
+        field = check_array("field_deg", field_deg)
         if not np.all(np.abs(field) <= self.max_field_deg):
             raise InvalidInputError(
                 f"field angle must be at most {self.max_field_deg:.2f} deg from the axis, where "

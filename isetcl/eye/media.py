@@ -11,7 +11,14 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_finite, check_positive
+from isetcl.errors import (
+    InvalidInputError,
+    check_array,
+    check_choice,
+    check_finite,
+    check_positive,
+    check_type,
+)
 
 AbbeInterpolation = Literal["shifted_cauchy", "cauchy", "linear"]
 
@@ -189,6 +196,14 @@ class Medium:
     name: str
     dispersion: Dispersion
 
+    def __post_init__(self) -> None:
+        check_type("medium: name", self.name, str)
+        if not hasattr(self.dispersion, "evaluate"):
+            raise InvalidInputError(
+                f"medium {self.name!r}: dispersion must be a dispersion formula, got "
+                f"{type(self.dispersion).__name__}; a single index is ConstantIndex(n)"
+            )
+
     def index(self, wavelength_nm: np.ndarray | float) -> np.ndarray:
         """Refractive index at vacuum wavelengths in nm, shape of the input, float64.
 
@@ -197,7 +212,7 @@ class Medium:
         InvalidInputError
             If a wavelength lies outside the range of the dispersion formula.
         """
-        wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+        wavelength = check_array("wavelength_nm", wavelength_nm)
         low, high = self.dispersion.range_nm
         if not np.all((wavelength >= low) & (wavelength <= high)):
             raise InvalidInputError(
@@ -212,8 +227,7 @@ def _outside(values: np.ndarray, low: float, high: float) -> float:
 
 
 def _check_index(name: str, value: float) -> None:
-    check_finite(name, value)
-    if value < 1.0:
+    if check_finite(name, value) < 1.0:
         raise InvalidInputError(f"{name} must be >= 1 (refractive index), got {value:g}")
 
 

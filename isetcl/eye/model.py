@@ -14,7 +14,13 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_finite, check_positive
+from isetcl.errors import (
+    InvalidInputError,
+    check_finite,
+    check_number,
+    check_positive,
+    check_type,
+)
 from isetcl.eye.media import AIR, Medium
 
 if TYPE_CHECKING:
@@ -71,10 +77,12 @@ class Surface:
 
     def __post_init__(self) -> None:
         label = f"surface {self.name!r}"
-        check_finite(f"{label}: vertex_z_mm", self.vertex_z_mm, "mm")
-        check_finite(f"{label}: curvature", self.curvature, "1/mm")
-        check_finite(f"{label}: conic", self.conic)
+        check_type("surface: name", self.name, str)
+        for name, unit in (("vertex_z_mm", "mm"), ("curvature", "1/mm"), ("conic", "")):
+            value = check_finite(f"{label}: {name}", getattr(self, name), unit)
+            object.__setattr__(self, name, value)
         check_positive(f"{label}: semi_diameter_mm", self.semi_diameter_mm, "mm")
+        check_type(f"{label}: medium_after", self.medium_after, Medium)
         rim2 = (1.0 + self.conic) * (self.curvature * self.semi_diameter_mm) ** 2
         if rim2 >= 1.0:
             reach = 1.0 / (abs(self.curvature) * math.sqrt(1.0 + self.conic))
@@ -130,8 +138,9 @@ class Stop:
     diameter_mm: float
 
     def __post_init__(self) -> None:
-        check_finite("stop: z_mm", self.z_mm, "mm")
-        check_positive("stop: diameter_mm", self.diameter_mm, "mm")
+        object.__setattr__(self, "z_mm", check_finite("stop: z_mm", self.z_mm, "mm"))
+        diameter = check_positive("stop: diameter_mm", self.diameter_mm, "mm")
+        object.__setattr__(self, "diameter_mm", diameter)
 
     @property
     def radius_mm(self) -> float:
@@ -222,7 +231,7 @@ class Eye:
     accommodation_parameter: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "surfaces", tuple(self.surfaces))
+        self._check_types()
         if not self.surfaces:
             raise InvalidInputError(f"eye {self.name!r} needs at least one refracting surface")
         if self.surfaces[0].vertex_z_mm != 0.0:
@@ -231,6 +240,24 @@ class Eye:
                 f"the eye frame), got {self.surfaces[0].vertex_z_mm:g}"
             )
         self._check_order()
+
+    def _check_types(self) -> None:
+        """Refuse parts that are no parts of an eye."""
+        label = f"eye {self.name!r}"
+        check_type("eye: name", self.name, str)
+        check_type(f"{label}: surfaces", self.surfaces, (tuple, list), "pass a tuple of Surface")
+        object.__setattr__(self, "surfaces", tuple(self.surfaces))
+        for i, surface in enumerate(self.surfaces):
+            check_type(f"{label}: surfaces[{i}]", surface, Surface)
+        check_type(f"{label}: stop", self.stop, Stop)
+        check_type(f"{label}: retina", self.retina, Retina)
+        check_type(f"{label}: medium_before", self.medium_before, Medium)
+        if self.accommodation_model is not None and not hasattr(self.accommodation_model, "eye"):
+            raise InvalidInputError(
+                f"{label}: accommodation_model must have `eye` and `parameter_range`, got "
+                f"{type(self.accommodation_model).__name__}; pass None for an eye that cannot "
+                "accommodate"
+            )
 
     def _check_order(self) -> None:
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
@@ -278,7 +305,14 @@ class Eye:
         return (self.medium_before, *(s.medium_after for s in self.surfaces))
 
     def indices(self, wavelength_nm: float) -> np.ndarray:
-        """Refractive indices of `media()` at one wavelength, shape (n_surfaces + 1,)."""
+        """Refractive indices of `media()` at one wavelength, shape (n_surfaces + 1,).
+
+        Raises
+        ------
+        InvalidInputError
+            If the wavelength, nm, lies outside the range of a medium.
+        """
+        check_positive("wavelength_nm", wavelength_nm, "nm")
         return np.array([float(m.index(wavelength_nm)) for m in self.media()])
 
     def wavelength_range_nm(self) -> tuple[float, float]:
@@ -287,23 +321,47 @@ class Eye:
         return max(r[0] for r in ranges), min(r[1] for r in ranges)
 
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:
-        """Equivalent power in dioptres at a wavelength in nm (paraxial)."""
+        """Equivalent power in dioptres at a wavelength in nm (paraxial).
+
+        Raises
+        ------
+        InvalidInputError
+            If the wavelength lies outside the range of a medium.
+        """
         return self.cardinal_points(wavelength_nm).power_dpt
 
     def cardinal_points(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> CardinalPoints:
-        """Focal, principal and nodal points at a wavelength in nm (paraxial)."""
+        """Focal, principal and nodal points at a wavelength in nm (paraxial).
+
+        Raises
+        ------
+        InvalidInputError
+            If the wavelength lies outside the range of a medium.
+        """
         from isetcl.eye import paraxial
 
         return paraxial.cardinal_points(self, wavelength_nm)
 
     def entrance_pupil(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> Pupil:
-        """The stop as seen from the scene (paraxial): position, magnification, diameter."""
+        """The stop as seen from the scene (paraxial): position, magnification, diameter.
+
+        Raises
+        ------
+        InvalidInputError
+            If the wavelength lies outside the range of a medium.
+        """
         from isetcl.eye import paraxial
 
         return paraxial.entrance_pupil(self, wavelength_nm)
 
     def exit_pupil(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> Pupil:
-        """The stop as seen from the retina (paraxial): position, magnification, diameter."""
+        """The stop as seen from the retina (paraxial): position, magnification, diameter.
+
+        Raises
+        ------
+        InvalidInputError
+            If the wavelength lies outside the range of a medium.
+        """
         from isetcl.eye import paraxial
 
         return paraxial.exit_pupil(self, wavelength_nm)
@@ -316,6 +374,13 @@ class Eye:
         """Vergence (1/m from the corneal vertex) of the axial object the eye is focused on.
 
         0 is infinity; a negative value is a virtual object behind the eye (hyperopia).
+
+        Raises
+        ------
+        InvalidInputError
+            If the wavelength lies outside the range of a medium, or the criterion is unknown.
+        FocusError
+            If the rays of the stop do not reach the retina.
         """
         from isetcl.eye import focus
 
@@ -349,10 +414,16 @@ class Eye:
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
 
     def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap:
-        """The chief-ray map between field angle and retinal position at a wavelength in nm."""
+        """The chief-ray map between field angle and retinal position at a wavelength in nm.
+
+        Raises
+        ------
+        InvalidInputError
+            If the wavelength lies outside the range of a medium, or no chief ray passes the eye.
+        """
         from isetcl.eye import field
 
-        return field.field_map(self, wavelength_nm)
+        return field.field_map(self, check_positive("wavelength_nm", wavelength_nm, "nm"))
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""
@@ -368,8 +439,7 @@ class Eye:
 
 
 def _curvature(name: str, radius_mm: float) -> float:
-    if math.isnan(radius_mm) or radius_mm == 0:
-        raise InvalidInputError(
-            f"{name} must be a non-zero number (inf is a plane), got {radius_mm}"
-        )
-    return 0.0 if math.isinf(radius_mm) else 1.0 / radius_mm
+    radius = check_number(name, radius_mm)
+    if math.isnan(radius) or radius == 0:
+        raise InvalidInputError(f"{name} must be a non-zero number (inf is a plane), got {radius}")
+    return 0.0 if math.isinf(radius) else 1.0 / radius

@@ -13,7 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_count, check_finite, check_positive
+from isetcl.errors import (
+    InvalidInputError,
+    check_count,
+    check_pair,
+    check_positive,
+    check_type,
+)
 from isetcl.eye.field import FieldMap, direction_from_field
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.polynomial import fit, unit_nodes
@@ -49,6 +55,14 @@ class RetinalGrid:
     wavelength_nm: float = REFERENCE_WAVELENGTH_NM
 
     def __post_init__(self) -> None:
+        check_type("eye", self.eye, Eye)
+        width, height = check_pair("fov_deg", self.fov_deg, "deg")
+        check_positive("fov_deg (width)", width, "deg")
+        check_positive("fov_deg (height)", height, "deg")
+        columns, rows = check_pair("resolution", self.resolution)
+        check_count("resolution (columns)", columns, 1, MAX_PIXELS_PER_SIDE)  # type: ignore[arg-type]
+        check_count("resolution (rows)", rows, 1, MAX_PIXELS_PER_SIDE)  # type: ignore[arg-type]
+        check_pair("centre_deg", self.centre_deg, "deg")
         limit = self.field_map.max_field_deg
         if self.limit_deg > limit:
             raise InvalidInputError(
@@ -72,21 +86,17 @@ class RetinalGrid:
         InvalidInputError
             If a size is not positive, or the corners lie outside the eye's field.
         """
-        columns, rows = resolution if isinstance(resolution, tuple) else (resolution, resolution)
-        columns = check_count("resolution (columns)", columns, 1, MAX_PIXELS_PER_SIDE)
-        rows = check_count("resolution (rows)", rows, 1, MAX_PIXELS_PER_SIDE)
-        if isinstance(fov_deg, tuple):
-            width, height = fov_deg
-        else:
-            width = check_positive("fov_deg", fov_deg, "deg")
-            height = width * rows / columns
-        width = check_positive("fov_deg (width)", width, "deg")
-        height = check_positive("fov_deg (height)", height, "deg")
-        centre = (
-            check_finite("centre_deg (x)", centre_deg[0], "deg"),
-            check_finite("centre_deg (y)", centre_deg[1], "deg"),
+        columns, rows = (
+            check_pair("resolution", resolution) if np.ndim(resolution) else (resolution,) * 2  # type: ignore[arg-type]
         )
-        return cls(eye, (width, height), (columns, rows), centre)
+        columns = check_count("resolution (columns)", columns, 1, MAX_PIXELS_PER_SIDE)  # type: ignore[arg-type]
+        rows = check_count("resolution (rows)", rows, 1, MAX_PIXELS_PER_SIDE)  # type: ignore[arg-type]
+        if np.ndim(fov_deg):
+            size = check_pair("fov_deg", fov_deg, "deg")  # type: ignore[arg-type]
+        else:
+            width = check_positive("fov_deg", fov_deg, "deg")  # type: ignore[arg-type]
+            size = (width, width * rows / columns)
+        return cls(eye, size, (columns, rows), check_pair("centre_deg", centre_deg, "deg"))
 
     @property
     def field_map(self) -> FieldMap:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive
+from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
 from isetcl.retina.grid import RetinalGrid
 from isetcl.spectrum import photopic_weights
 
@@ -36,6 +36,9 @@ class RetinalImage:
     """
 
     def __init__(self, dataset: xarray.Dataset) -> None:
+        import xarray
+
+        check_type("dataset", dataset, xarray.Dataset)
         for name in ("irradiance", "standard_error"):
             if name not in dataset or dataset[name].dims != ("wavelength", "y", "x"):
                 raise InvalidInputError(
@@ -144,8 +147,20 @@ class RetinalImage:
 
     @property
     def entrance_pupil_diameter_mm(self) -> float:
-        """Diameter of the eye's entrance pupil, mm."""
-        return float(self.provenance["entrance_pupil_diameter_mm"])
+        """Diameter of the eye's entrance pupil, mm.
+
+        Raises
+        ------
+        InvalidInputError
+            If the provenance does not tell.
+        """
+        try:
+            return float(self.provenance["entrance_pupil_diameter_mm"])
+        except KeyError:
+            raise InvalidInputError(
+                "this image does not tell its entrance pupil: its attribute 'provenance' must hold "
+                "'entrance_pupil_diameter_mm'; use an image that isetcl rendered"
+            ) from None
 
     @property
     def illuminance_lux(self) -> xarray.DataArray:
@@ -167,21 +182,39 @@ class RetinalImage:
     def relative_error(self) -> float:
         """Standard error of the image as one number: photopic, root mean square over lit pixels,
         relative to their mean. Zero for an image without noise."""
-        if len(self.wavelengths_nm) > 1:
-            value = self.illuminance_lux.values
-            error = self.dataset["illuminance_standard_error"].values
-        else:
-            value = self.irradiance.values[0]
-            error = self.standard_error.values[0]
-        return relative_error(value, error)
+        return relative_error(*self.brightness())
+
+    def brightness(self) -> tuple[np.ndarray, np.ndarray]:
+        """What the eye sees as one number a pixel, with its standard error, each (y, x).
+
+        The illuminance in lux; for a single wavelength, or where none is visible, the sum of the
+        irradiances.
+        """
+        if np.any(photopic_weights(self.wavelengths_nm) > 0):
+            return self.illuminance_lux.values, self.dataset["illuminance_standard_error"].values
+        total = self.irradiance.values.sum(axis=0, dtype=np.float64)
+        if len(self.wavelengths_nm) == 1:
+            return total, self.standard_error.values[0]
+        # For invisible wavelengths the renderer keeps the error of this sum in its place.
+        return total, self.dataset["illuminance_standard_error"].values
 
     def scale_to_mean_illuminance(self, lux: float) -> RetinalImage:
         """The image scaled to a mean illuminance in lux.
 
         The paper's convention: its renderer returns relative units and sets the mean to 1 lux
         times the pupil area in mm^2. isetcl's images are absolute and need no such step.
+
+        Raises
+        ------
+        InvalidInputError
+            If the illuminance is not positive, or the image is black or has no visible wavelengths.
         """
-        factor = check_positive("lux", lux, "lux") / float(self.illuminance_lux.mean())
+        wanted, mean = check_positive("lux", lux, "lux"), float(self.illuminance_lux.mean())
+        if not mean > 0:
+            raise InvalidInputError(
+                f"a black image cannot be scaled to {wanted:g} lux; its mean must be > 0"
+            )
+        factor = wanted / mean
         scaled = self.dataset.copy()
         for name in ("irradiance", "standard_error", "illuminance_standard_error"):
             scaled[name] = scaled[name] * factor
@@ -202,6 +235,11 @@ class RetinalImage:
         white_point
             The illuminant that looks neutral: ``"D65"`` (none is adapted) or another name of
             colour-science, such as ``"E"`` for equal-energy scenes.
+
+        Raises
+        ------
+        InvalidInputError
+            If the illuminant is unknown, or `white_lux` is not positive.
         """
         import colour
 
@@ -228,18 +266,34 @@ class RetinalImage:
         return np.asarray(np.rint(255.0 * encoded), dtype=np.uint8)
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the image in colour against degrees of visual angle; returns the axes."""
+        """Draw the image in colour against degrees of visual angle; returns the axes.
+
+        Parameters
+        ----------
+        ax
+            Matplotlib axes; None makes a new figure.
+        options
+            `white_lux` and `white_point` of `to_srgb`.
+        """
         import matplotlib.pyplot as plt
 
+        for name in options:
+            check_choice("option of plot", name, ("white_lux", "white_point"))
+        if ax is not None and not hasattr(ax, "imshow"):
+            raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
         axes = plt.subplots()[1] if ax is None else ax
-        x, y = self.dataset["x"].values, self.dataset["y"].values
-        half_x = (x[-1] - x[0]) / max(1, len(x) - 1) / 2 if len(x) > 1 else 0.5
-        half_y = (y[0] - y[-1]) / max(1, len(y) - 1) / 2 if len(y) > 1 else 0.5
-        extent = (x[0] - half_x, x[-1] + half_x, y[-1] - half_y, y[0] + half_y)
-        axes.imshow(self.to_srgb(**options), extent=extent, interpolation="nearest")
+        axes.imshow(self.to_srgb(**options), extent=self.extent_deg, interpolation="nearest")
         axes.set_xlabel("visual angle (deg)")
         axes.set_ylabel("visual angle (deg)")
         return axes
+
+    @property
+    def extent_deg(self) -> tuple[float, float, float, float]:
+        """Borders left, right, bottom, top in degrees, as matplotlib's `imshow` takes them."""
+        x, y = self.dataset["x"].values, self.dataset["y"].values
+        half_x = abs(x[1] - x[0]) / 2 if len(x) > 1 else 0.5
+        half_y = abs(y[1] - y[0]) / 2 if len(y) > 1 else 0.5
+        return (x[0] - half_x, x[-1] + half_x, y[-1] - half_y, y[0] + half_y)
 
     def save(self, path: str | Path) -> Path:
         """Write the image as NetCDF-4; returns the path. A crash leaves no half-written file.
@@ -249,6 +303,7 @@ class RetinalImage:
         FileError
             If the file cannot be written.
         """
+        check_type("path", path, (str, Path))
         target = Path(path)
         temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
         encoding = {
@@ -276,6 +331,7 @@ class RetinalImage:
         """
         import xarray
 
+        check_type("path", path, (str, Path))
         file = Path(path)
         if not file.is_file():
             raise FileError(f"file {str(file)!r} does not exist")

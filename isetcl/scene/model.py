@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_positive
-from isetcl.scene.texture import Texture
+from isetcl.errors import InvalidInputError, check_array, check_positive, check_type
+from isetcl.scene.texture import Checkerboard, Image, Texture
 from isetcl.spectrum import Spectrum
 
 
 def _vector(name: str, value: tuple[float, float, float]) -> tuple[float, float, float]:
-    array = np.asarray(value, dtype=np.float64)
+    array = check_array(name, value)
     if array.shape != (3,) or not np.all(np.isfinite(array)):
         raise InvalidInputError(f"{name} must be three finite numbers in metres, got {value!r}")
     return float(array[0]), float(array[1]), float(array[2])
@@ -84,6 +84,14 @@ class Sphere:
 Shape = Quad | Disc | Sphere
 
 
+def _check_material(name: str, spectra: object, texture: object) -> None:
+    """Refuse what is no spectrum, or tuple of them, and what is no texture."""
+    for spectrum in spectra if isinstance(spectra, (tuple, list)) else (spectra,):
+        check_type(name, spectrum, Spectrum)
+    if texture is not None:
+        check_type(f"{name.split(':')[0]}: texture", texture, (Checkerboard, Image))
+
+
 @dataclass(frozen=True, eq=False)
 class Emission:
     """A surface that sends out light by itself, alike in all directions and from both sides.
@@ -106,6 +114,7 @@ class Emission:
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
+        _check_material("emission: radiance", self.radiance, self.texture)
         channels = 1 if self.texture is None else self.texture.channels
         if len(self.spectra()) != channels:
             raise InvalidInputError(
@@ -142,6 +151,8 @@ class UnlitReflectance:
     texture: Texture | None = None
 
     def __post_init__(self) -> None:
+        _check_material("unlit reflectance: reflectance", self.reflectance, self.texture)
+        check_type("unlit reflectance: white", self.white, Spectrum)
         for spectrum in self._reflectances():
             if np.any(spectrum.values > 1.0):
                 raise InvalidInputError(
@@ -177,6 +188,11 @@ class SceneObject:
     shape: Shape
     material: Material
 
+    def __post_init__(self) -> None:
+        check_type("scene object: name", self.name, str)
+        check_type(f"object {self.name!r}: shape", self.shape, (Quad, Disc, Sphere))
+        check_type(f"object {self.name!r}: material", self.material, (Emission, UnlitReflectance))
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -199,7 +215,12 @@ class Scene:
     _digest: str = field(init=False, repr=False, default="")
 
     def __post_init__(self) -> None:
+        check_type("scene: objects", self.objects, (tuple, list))
         object.__setattr__(self, "objects", tuple(self.objects))
+        for i, item in enumerate(self.objects):
+            check_type(f"scene: objects[{i}]", item, SceneObject)
+        if self.background is not None:
+            check_type("scene: background", self.background, Spectrum)
         object.__setattr__(self, "_digest", self._hash())
 
     def digest(self) -> str:

@@ -11,7 +11,15 @@ from typing import Literal
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_between, check_choice, check_positive
+from isetcl.errors import (
+    InvalidInputError,
+    check_between,
+    check_choice,
+    check_finite,
+    check_pair,
+    check_positive,
+    check_type,
+)
 from isetcl.scene.display import display_primaries
 from isetcl.scene.model import Disc, Emission, Quad, Scene, SceneObject
 from isetcl.scene.texture import Checkerboard, Image, Texture
@@ -27,7 +35,13 @@ _WIDE_DEG = 80.0
 
 
 def uniform(luminance_cd_m2: float = 100.0, spectrum: Spectrum | None = None) -> Scene:
-    """The same radiance from every direction: equal energy, or `spectrum` as it is."""
+    """The same radiance from every direction: equal energy, or `spectrum` as it is.
+
+    Raises
+    ------
+    InvalidInputError
+        If the luminance is not positive.
+    """
     light = Spectrum.equal_energy(luminance_cd_m2) if spectrum is None else spectrum
     return Scene((), light, "uniform")
 
@@ -50,12 +64,23 @@ def point_source(
         Direction (x, y), polar field angles.
     diameter_arcmin
         Angular diameter.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number breaks its rule, or the direction lies 90 degrees or more off the axis.
     """
     from isetcl.eye.field import direction_from_field
 
     distance = 1e6 if distance_m == math.inf else check_positive("distance_m", distance_m, "m")
     check_between("diameter_arcmin", diameter_arcmin, 1e-3, 600.0, "arcmin")
-    direction = direction_from_field(*np.asarray(field_deg, dtype=np.float64))
+    x, y = check_pair("field_deg", field_deg, "deg")
+    if math.hypot(x, y) >= 90.0:
+        raise InvalidInputError(
+            f"field_deg must lie less than 90 deg off the axis, in front of the eye, got ({x:g}, "
+            f"{y:g})"
+        )
+    direction = direction_from_field(np.float64(x), np.float64(y))
     radius = distance * math.tan(math.radians(diameter_arcmin / 120.0))
     disc = Disc(tuple(distance * direction), radius, tuple(-direction))
     light = Emission(Spectrum.equal_energy(luminance_cd_m2))
@@ -79,6 +104,11 @@ def slanted_edge(
         Tilt of the edge from the vertical, anticlockwise.
     contrast
         Michelson contrast of the two sides, 0 to 1.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number breaks its rule.
     """
     distance = check_positive("distance_m", distance_m, "m")
     check_between("contrast", contrast, 0.0, 1.0)
@@ -131,11 +161,7 @@ def two_planes(
     InvalidInputError
         If the near plane is not nearer than the far one, or a number breaks its rule.
     """
-    distances = check_positive("near_m", near_m, "m"), check_positive("far_m", far_m, "m")
-    if not distances[0] < distances[1]:
-        raise InvalidInputError(
-            f"near_m must be smaller than far_m, got {near_m:g} and {far_m:g} m; swap them"
-        )
+    distances = _near_and_far(near_m, far_m)
     check_choice("texture", texture, ("checkerboard", "uniform"))
     check_positive("check_m", check_m, "m")
     white = Spectrum.equal_energy(luminance_cd_m2)
@@ -154,8 +180,10 @@ def two_planes(
     far_quad = _facing_quad(distances[1], sizes[1], sizes[1], edge_angle_deg)
     return Scene(
         (
-            SceneObject("near plane", near_quad, near or pattern(sizes[0], dark)),
-            SceneObject("far plane", far_quad, far or pattern(sizes[1], 1.0)),
+            SceneObject(
+                "near plane", near_quad, pattern(sizes[0], dark) if near is None else near
+            ),
+            SceneObject("far plane", far_quad, pattern(sizes[1], 1.0) if far is None else far),
         ),
         None,
         "two planes",
@@ -177,7 +205,13 @@ def image_plane(
         Angle the width subtends at the corneal vertex.
     luminance_cd_m2
         Luminance of white (weights 1): D65 from an sRGB display, or equal energy if grey.
+
+    Raises
+    ------
+    InvalidInputError
+        If a number breaks its rule, or the image is none.
     """
+    check_type("image", image, Image)
     distance = check_positive("distance_m", distance_m, "m")
     width = (
         2.0 * distance * math.tan(math.radians(check_between("width_deg", width_deg, 0, 170) / 2))
@@ -199,8 +233,9 @@ def image_planes(
 ) -> Scene:
     """Two pictures at two distances; the near one covers the left half of the field.
 
-    The near picture keeps its proportions, is as high as the field and ends at the axis. The far
-    one keeps its proportions and covers the whole field.
+    The near picture is cut to the left half of the field, the far one to the whole of it: both keep
+    their proportions, and what does not fit is cut off evenly on both sides. If one is coloured,
+    both are shown in D65, else in equal-energy light.
 
     Parameters
     ----------
@@ -209,41 +244,65 @@ def image_planes(
     near_m, far_m
         Distances from the corneal vertex, metres.
     fov_deg
-        The field the pictures are fitted to.
+        The field the pictures are fitted to, a square.
+    luminance_cd_m2
+        Luminance of white (weights 1).
+
+    Raises
+    ------
+    InvalidInputError
+        If the near plane is not nearer than the far one, a number breaks its rule, or a picture is
+        too narrow to be cut.
     """
-    distances = check_positive("near_m", near_m, "m"), check_positive("far_m", far_m, "m")
-    if not distances[0] < distances[1]:
-        raise InvalidInputError(
-            f"near_m must be smaller than far_m, got {near_m:g} and {far_m:g} m; swap them"
-        )
+    distances = _near_and_far(near_m, far_m)
+    check_type("near_image", near_image, Image)
+    check_type("far_image", far_image, Image)
     # A little more than the field: blur looks beyond its edges.
     slope = 2.0 * math.tan(math.radians(check_between("fov_deg", fov_deg, 0.01, 120.0) * 0.55))
-    near_height = slope * distances[0]
-    rows, columns = near_image.shape
-    near_width = near_height * columns / rows
+    near_height, far_height = (slope * distance for distance in distances)
+    near_width = near_height / 2.0
     near_quad = Quad(
         (-near_width, -near_height / 2, -distances[0]), (near_width, 0, 0), (0, near_height, 0)
     )
-    rows, columns = far_image.shape
-    cover = slope * distances[1] * max(1.0, columns / rows)
-    far_quad = _facing_quad(distances[1], cover, cover * rows / columns)
+    far_quad = _facing_quad(distances[1], far_height, far_height)
+    white = "D65" if 3 in (near_image.channels, far_image.channels) else "E"
+    near_part, far_part = (
+        picture(image.cropped(proportion), luminance_cd_m2, white)
+        for image, proportion in ((near_image, 0.5), (far_image, 1.0))
+    )
     return Scene(
         (
-            SceneObject(
-                f"near: {near_image.name}", near_quad, picture(near_image, luminance_cd_m2)
-            ),
-            SceneObject(f"far: {far_image.name}", far_quad, picture(far_image, luminance_cd_m2)),
+            SceneObject(f"near: {near_image.name}", near_quad, near_part),
+            SceneObject(f"far: {far_image.name}", far_quad, far_part),
         ),
         None,
-        "image planes",
+        f"{near_image.name} at {distances[0]:g} m before {far_image.name} at {distances[1]:g} m",
     )
 
 
-def picture(image: Image, luminance_cd_m2: float = 100.0) -> Emission:
-    """A picture as an emitter: on an sRGB display if coloured, in equal-energy light if grey."""
+def picture(image: Image, luminance_cd_m2: float = 100.0, white: str = "E") -> Emission:
+    """A picture as an emitter: on an sRGB display (D65) if coloured, in light `white` if grey.
+
+    Raises
+    ------
+    InvalidInputError
+        If the luminance is not positive, or the light is unknown.
+    """
+    check_type("image", image, Image)
     if image.channels == 1:
-        return Emission(Spectrum.equal_energy(luminance_cd_m2), image)
+        if white == "E":
+            return Emission(Spectrum.equal_energy(luminance_cd_m2), image)
+        return Emission(Spectrum.illuminant(white, luminance_cd_m2), image)
     return Emission(display_primaries(luminance_cd_m2), image)
+
+
+def _near_and_far(near_m: float, far_m: float) -> tuple[float, float]:
+    near, far = check_positive("near_m", near_m, "m"), check_positive("far_m", far_m, "m")
+    if not near < far:
+        raise InvalidInputError(
+            f"near_m must be smaller than far_m, got {near:g} and {far:g} m; swap them"
+        )
+    return near, far
 
 
 def _facing_quad(distance_m: float, width_m: float, height_m: float, turn_deg: float = 0.0) -> Quad:
@@ -262,7 +321,7 @@ def _half_plane(distance_m: float, turn_deg: float, size_m: float) -> Quad:
 
 
 def _turned_axes(turn_deg: float) -> tuple[np.ndarray, np.ndarray]:
-    turn = math.radians(turn_deg)
+    turn = math.radians(check_finite("angle of the edge", turn_deg, "deg"))
     return (
         np.array([math.cos(turn), math.sin(turn), 0.0]),
         np.array([-math.sin(turn), math.cos(turn), 0.0]),

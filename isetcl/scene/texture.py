@@ -12,7 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from isetcl.errors import FileError, InvalidInputError, check_finite, check_positive
+from isetcl.errors import (
+    FileError,
+    InvalidInputError,
+    check_array,
+    check_finite,
+    check_positive,
+    check_type,
+)
 
 
 @dataclass(frozen=True)
@@ -70,7 +77,7 @@ class Image:
     name: str = "image"
 
     def __post_init__(self) -> None:
-        texels = np.asarray(self.texels, dtype=np.float32)
+        texels = check_array(f"image {self.name!r}", self.texels).astype(np.float32)
         if texels.ndim == 3 and texels.shape[2] == 1:
             texels = texels[..., 0]
         if texels.ndim not in (2, 3) or texels.size == 0 or texels.shape[2:] not in ((), (3,)):
@@ -136,6 +143,21 @@ class Image:
             small = downscale_local_mean(stretched, factors)
         return Image(np.maximum(small, 0.0), self.name)
 
+    def cropped(self, width_over_height: float) -> Image:
+        """The middle of the image with a proportion, cut by whole texels.
+
+        Raises
+        ------
+        InvalidInputError
+            If the proportion is not positive.
+        """
+        proportion = check_positive("width_over_height", width_over_height)
+        rows, columns = self.shape
+        width = max(1, min(columns, round(rows * proportion)))
+        height = max(1, min(rows, round(columns / proportion)))
+        left, top = (columns - width) // 2, (rows - height) // 2
+        return Image(self.texels[top : top + height, left : left + width], self.name)
+
     def digest(self) -> str:
         """A hash of the texels, for provenance."""
         return hashlib.sha256(np.ascontiguousarray(self.texels).tobytes()).hexdigest()[:16]
@@ -145,22 +167,23 @@ Texture = Checkerboard | Image
 
 
 def load_image(path: str | Path) -> Image:
-    """A picture from a file, in linear light: sRGB decoded unless the file holds floats.
+    """A picture from a file, upright and in linear light: sRGB decoded unless it holds floats.
 
-    Reads what scikit-image reads (PNG, JPEG, TIFF, ...). An alpha channel is composited on black.
+    Reads PNG, JPEG, TIFF, WebP and what else imageio's Pillow plugin and scikit-image read. The
+    orientation a camera noted is applied, palettes and CMYK become RGB, the first frame of an
+    animation is taken, an alpha channel is composited on black.
 
     Raises
     ------
     FileError
         If the file does not exist or is not an image.
     """
-    from skimage.io import imread
-
+    check_type("path", path, (str, Path))
     file = Path(path)
     if not file.is_file():
         raise FileError(f"image file {str(file)!r} does not exist")
     try:
-        raw = np.asarray(imread(file))
+        raw = _read_pixels(file)
     except Exception as error:
         # Readers raise what they like; whatever it is, the file is no image.
         raise FileError(
@@ -168,9 +191,31 @@ def load_image(path: str | Path) -> Image:
         ) from error
     if raw.ndim not in (2, 3) or (raw.ndim == 3 and raw.shape[2] not in (1, 2, 3, 4)):
         raise FileError(
-            f"image file {str(file)!r} must hold one grey or RGB picture, got shape {raw.shape}"
+            f"image file {str(file)!r} must hold one grey or RGB picture, got shape {raw.shape}; "
+            "save one picture as PNG"
         )
     return Image(_linear_light(raw), file.name)
+
+
+def _read_pixels(file: Path) -> np.ndarray:
+    """Stored pixels of an image file, upright, (rows, columns) or (rows, columns, channels)."""
+    from PIL import Image as Pillow
+    from PIL import ImageOps, UnidentifiedImageError
+
+    try:
+        with Pillow.open(file) as picture:
+            if picture.mode in ("P", "PA", "CMYK", "YCbCr", "LAB", "HSV"):
+                has_alpha = picture.mode == "PA" or "transparency" in picture.info
+                upright = ImageOps.exif_transpose(picture).convert("RGBA" if has_alpha else "RGB")
+                return np.asarray(upright)
+            if picture.mode in ("1", "L", "LA", "RGB", "RGBA", "I;16"):
+                return np.asarray(ImageOps.exif_transpose(picture))
+    except UnidentifiedImageError:
+        pass
+    # Sixteen bits a channel, floats and scientific formats.
+    from skimage.io import imread
+
+    return np.asarray(imread(file))
 
 
 def _linear_light(raw: np.ndarray) -> np.ndarray:

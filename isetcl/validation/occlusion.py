@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError
+from isetcl.errors import InvalidInputError, check_type
 from isetcl.retina.image import RetinalImage
-from isetcl.spectrum import photopic_weights
 from isetcl.units import MM_PER_M
 
 if TYPE_CHECKING:
@@ -104,6 +103,8 @@ def occlusion_error(
     InvalidInputError
         If grids or wavelengths differ, or neither image has a depth map.
     """
+    check_type("image", image, RetinalImage)
+    check_type("reference", reference, RetinalImage)
     _check_same_grid(image, reference)
     depth = reference if reference.vergence_dpt is not None else image
     if depth.vergence_dpt is None:
@@ -209,14 +210,9 @@ def _photopic(
     image: RetinalImage, reference: RetinalImage, noisy: tuple[RetinalImage, ...]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Photopic reference, difference and variance of the noisy images, each (y, x)."""
-    if not np.any(photopic_weights(reference.wavelengths_nm) > 0):
-        truth = reference.irradiance.values[0].astype(np.float64)
-        errors = [each.standard_error.values[0] for each in noisy]
-        off = image.irradiance.values[0] - truth
-    else:
-        truth = reference.illuminance_lux.values
-        errors = [each.dataset["illuminance_standard_error"].values for each in noisy]
-        off = image.illuminance_lux.values - truth
+    truth = reference.brightness()[0].astype(np.float64)
+    errors = [each.brightness()[1] for each in noisy]
+    off = image.brightness()[0] - truth
     return truth, off, np.sum([np.square(e, dtype=np.float64) for e in errors], axis=0)
 
 

@@ -14,11 +14,17 @@
 #if DOUBLE_PRECISION
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 typedef double real;
+typedef double4 real4;
+typedef double8 real8;
 typedef long real_bits;
+typedef long8 real_bits8;
 #define R(x) x
 #else
 typedef float real;
+typedef float4 real4;
+typedef float8 real8;
 typedef int real_bits;
+typedef int8 real_bits8;
 #define R(x) x##f
 #endif
 
@@ -81,8 +87,6 @@ INLINE realv square_root(realv x) { return sqrt(x); }
 #define SQRT1 __builtin_sqrtf
 #endif
 typedef real real2 __attribute__((ext_vector_type(2)));
-typedef real real4 __attribute__((ext_vector_type(4)));
-typedef real real8 __attribute__((ext_vector_type(8)));
 typedef real real16 __attribute__((ext_vector_type(16)));
 typedef real real32 __attribute__((ext_vector_type(32)));
 typedef real real64 __attribute__((ext_vector_type(64)));

@@ -1,0 +1,179 @@
+"""Write benchmarks/README.md from the JSON in benchmarks/results/, so that no number is typed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+Record = dict[str, Any]
+
+
+def load(name: str) -> Record:
+    return json.loads((HERE / "results" / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def number(value: object) -> str:
+    if value is None:
+        return "–"
+    if isinstance(value, float):
+        text = f"{value:.3g}"
+        return f"{float(text):g}" if 1e-4 <= abs(value) < 1e6 else text
+    return str(value)
+
+
+def table(head: tuple[str, ...], rows: list[tuple[object, ...]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    lines += ["| " + " | ".join(number(cell) for cell in row) + " |" for row in rows]
+    return "\n".join(lines)
+
+
+def where(record: Record) -> str:
+    """The machine of a record, in a line."""
+    m = record["machine"]
+    return (
+        f"`{record['command']}`, {record['date']}: {m['processor']}, {m['processors']} processors, "
+        f"{m['platform']} {m['driver']} (kernels for {m['target'] or 'its own processor'}), "
+        f"Python {m['python']}."
+    )
+
+
+def trace_rays() -> str:
+    record = load("trace_rays")
+    rows = [
+        (name, r["million_per_s_median"], r["cpu_ns_each_median"], r["spread"])
+        for name, r in record["results"].items()
+    ]
+    errors = record["error_mm"]
+    return "\n\n".join(
+        [
+            "## Rays through an eye\n\n" + where(record),
+            "A million collimated rays through Navarro's eye to the retina, rays and results on "
+            "the device. Plain C is `roofline.c`, compiled beside it with `-O3 -march=native "
+            "-ffast-math -fopenmp`: it reads positions of rays with one direction and writes "
+            "positions and status. batoid traces the same surfaces in float64.",
+            table(("", "million rays/s", "CPU ns a ray", "spread"), rows),
+            table(("ratio of CPU times", "times faster"), list(record["cpu_time_ratios"].items())),
+            f"Largest error against 40-digit references: {number(errors['single'])} mm in single, "
+            f"{number(errors['double'])} mm in double precision.",
+        ]
+    )
+
+
+def direct() -> str:
+    record = load("direct")
+    rows = [
+        (name, r["million_per_s_median"], r["cpu_ns_each_median"], r["spread"])
+        for name, r in record["results"].items()
+    ]
+    ratios = [(name, value) for name, value in record["cpu_time_of_mitsuba_over_ours"].items()]
+    widths = [(n, r["million_per_s_median"]) for n, r in record["vector_widths"].items()]
+    parts = [
+        "## Paths from the retina to the scene\n\n" + where(record),
+        "Two planes (the paper's Figure 12) through Navarro's eye, 256 x 256 pixels, 64 samples, 8 "
+        "bands, one launch. A path is one sample of one band of one pixel; the useful ones pass "
+        "the stop. Mitsuba 3 (`llvm_ad_spectral`, four wavelengths a path) sees the same planes, "
+        "emission only, through a thin lens, without an eye.",
+        table(("", "million useful paths/s", "CPU ns a path", "spread"), rows),
+    ]
+    if ratios:
+        parts.append(table(("CPU time of Mitsuba's path over ours", "times"), ratios))
+    parts.append(table(("lanes of the vectors, checkerboards", "million paths/s"), widths))
+    return "\n\n".join(parts)
+
+
+def features() -> str:
+    record = load("features")
+    rows = [
+        (name.removeprefix("has_").replace("_", " "), *costs.values())
+        for name, costs in record["cpu_ns_a_path"].items()
+    ]
+    return "\n\n".join(
+        [
+            "## What a feature costs\n\n" + where(record),
+            "CPU ns a path: left out (the kernel the plan makes), compiled in but not used, used. "
+            "The plan compiles in what is used and nothing else, so the middle column is what it "
+            "saves.",
+            table(("feature", "left out", "in, unused", "used"), rows),
+        ]
+    )
+
+
+def startup() -> str:
+    record = load("startup")
+    rows = [
+        ("`import isetcl`", record["import_s"]),
+        ("new process to the first image, caches empty", record["cold_process_to_first_image_s"]),
+        ("new process to the first image, caches full", record["warm_process_to_first_image_s"]),
+    ]
+    return "\n\n".join(
+        [
+            "## Start\n\n" + where(record),
+            table(("medians of 7", "seconds"), rows),
+        ]
+    )
+
+
+def paper_scene() -> str:
+    record = load("paper_scene")
+    rows = [
+        (
+            f"{100 * float(target):g} %",
+            100 * r["median"]["error"],
+            r["median"]["samples"],
+            r["median"]["process_s"],
+            r["median"]["peak_mb"],
+        )
+        for target, r in record["results"].items()
+    ]
+    return "\n\n".join(
+        [
+            "## The paper's image\n\n" + where(record),
+            "The scene of Figure 12 at 800 x 800 pixels, 31 wavelengths, 8 bands, to a photopic "
+            "relative error; a new process each, start and kernel build included. Lian et al. "
+            "(2019) report over an hour for such an image on 8 cores.",
+            table(("target", "reached (%)", "samples", "seconds", "peak memory (MB)"), rows),
+        ]
+    )
+
+
+def convergence() -> str:
+    record = load("convergence")
+    parts = [
+        "## Error against samples\n\n" + where(record),
+        "Against an independent reference (another seed, double precision, 65,536 samples), 64 x "
+        "64 pixels. The median over pixels shows the smooth part of the image, the root mean "
+        "square is that of the edges.",
+    ]
+    for name, result in record["results"].items():
+        rows = [
+            (p["spp"], 100 * p["rms_error"], 100 * p["reported_error"], 100 * p["median_error"])
+            for p in result["points"]
+        ]
+        parts.append(table((f"{name}: samples", "rms (%)", "reported rms (%)", "median (%)"), rows))
+        parts.append(
+            f"Slopes {number(result['slope_rms'])} (rms) and {number(result['slope_median'])} "
+            f"(median), where independent random samples have −0.5. Over {record['seeds']} seeds "
+            f"the spread of the image is {number(result['spread_over_reported'])} times the "
+            "reported standard error."
+        )
+    return "\n\n".join(parts)
+
+
+HEAD = """# Benchmarks
+
+Each section is one script, run alone on a quiet machine; candidates of a table alternate within
+one run. Rates are medians; "spread" is how far the median lies above the best. CPU time is the
+process's own, over all threads. The peers come with `pip install ".[peers]"` (Mitsuba needs an LLVM
+library, for example Debian's `libllvm19`; plain C needs gcc); a peer that is missing is left out.
+This page is written by `python benchmarks/summary.py` from the JSON files in `results/`."""
+
+
+def page() -> str:
+    sections = (trace_rays, direct, features, startup, paper_scene, convergence)
+    return "\n\n".join([HEAD, *(section() for section in sections)]) + "\n"
+
+
+if __name__ == "__main__":
+    (HERE / "README.md").write_text(page(), encoding="utf-8")
