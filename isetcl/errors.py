@@ -52,7 +52,7 @@ def check_finite(name: str, value: float, unit: str = "") -> float:
 def check_number(name: str, value: float) -> float:
     """Return `value` as a float, infinite or NaN too; raise InvalidInputError for other things."""
     try:
-        if not isinstance(value, (str, bytes)) and np.ndim(value) == 0:
+        if not isinstance(value, (str, bytes, bool, np.bool_)) and np.ndim(value) == 0:
             return float(value)
     except OverflowError:
         raise InvalidInputError(f"{name} must be smaller than 1.8e308, got {value!r}") from None
@@ -82,12 +82,14 @@ def check_between(name: str, value: float, low: float, high: float, unit: str = 
 def check_count(name: str, value: int, low: int = 1, high: int | None = None) -> int:
     """Return `value` as an int; raise InvalidInputError unless it is a whole number in range."""
     try:
-        count = operator.index(value)
+        count = operator.index(value) if not isinstance(value, bool) else None
     except TypeError:
+        count = None
+    if count is None:
         number = check_finite(name, value)
         count = int(number)
         if number != count:
-            raise InvalidInputError(f"{name} must be a whole number, got {value!r}") from None
+            raise InvalidInputError(f"{name} must be a whole number, got {value!r}")
     if count < low or (high is not None and count > high):
         rule = f">= {low}" if high is None else f"between {low} and {high}"
         raise InvalidInputError(f"{name} must be {rule}, got {count}")

@@ -199,7 +199,9 @@ class Spectrum:
 
     def scaled(self, factor: float) -> Spectrum:
         """The spectrum times a number >= 0."""
-        return Spectrum(self.wavelengths_nm, self.values * check_finite("factor", factor), self.name)
+        return Spectrum(
+            self.wavelengths_nm, self.values * check_finite("factor", factor), self.name
+        )
 
     def digest(self) -> str:
         """A hash of the samples, for provenance and caches."""

@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parent.parent / "isetcl"
 # Imports only go down this list.
 ORDER = (
     {"version"},
-    {"errors", "units", "spectrum", "data"},
+    {"errors", "units", "memory", "spectrum", "data"},
     {"eye"},
     {"scene"},
     {"device", "kernels"},
@@ -31,6 +31,7 @@ BASELINE_MAY_IMPORT = {
     "version",
     "errors",
     "units",
+    "memory",
     "spectrum",
     "eye",
     "scene",

@@ -68,7 +68,7 @@ def eye(**changes):
         (lambda: ic.eyes.navarro(0.0), "pupil_diameter_mm must be > 0"),
         (lambda: ic.eyes.navarro(float("nan")), "pupil_diameter_mm must be finite"),
         (lambda: ic.eyes.navarro(3.0, pupil_plane="exit"), "unknown pupil_plane"),
-        (lambda: ic.eyes.navarro(3.0, -1.0), "vergence_dpt must be >= 0"),
+        (lambda: ic.eyes.navarro(3.0, -1.0), "accommodation_dpt must be >= 0"),
         (lambda: ic.eyes.navarro(3.0, 2.0, focus_criterion="strehl"), "focus criterion"),
         (lambda: ic.eyes.navarro(3.0, hold="lens"), "unknown hold"),
         (lambda: ic.eyes.navarro(3.0, accommodation_parameter=11.0), "between 0 and 10"),

@@ -10,6 +10,7 @@ import pytest
 from oracles import reduced_eye
 
 import isetcl as ic
+from isetcl import memory
 from isetcl.eye.throughput import axial_irradiance_per_radiance, irradiance_per_radiance
 from isetcl.render import plan as plan_module
 from isetcl.render import render as render_module
@@ -429,13 +430,13 @@ def test_bad_options_are_refused_before_any_kernel_runs(options, match, monkeypa
 
 
 def test_things_that_are_no_scene_or_eye_are_refused():
-    with pytest.raises(ic.InvalidInputError, match="scene must be an isetcl Scene, got str"):
+    with pytest.raises(ic.InvalidInputError, match="scene must be a Scene, got 'two planes'"):
         ic.render("two planes", ic.eyes.navarro())
-    with pytest.raises(ic.InvalidInputError, match="eye must be an isetcl Eye, got str"):
+    with pytest.raises(ic.InvalidInputError, match="eye must be an Eye, got 'navarro'"):
         ic.render(ic.scenes.uniform(), "navarro")
 
 
 def test_an_image_that_does_not_fit_into_memory_says_which_size_would(monkeypatch):
-    monkeypatch.setattr(plan_module, "_available_bytes", lambda: 64 << 20)
+    monkeypatch.setattr(memory, "available_bytes", lambda: 64 << 20)
     with pytest.raises(ic.OutOfMemoryError, match=r"about \d+ x \d+ pixels would fit"):
         ic.render(ic.scenes.uniform(), ic.eyes.navarro(), resolution=2000)

@@ -234,12 +234,13 @@ class DeviceMesh:
         return result != 0
 
     def enqueue(
-        self, kernel: pyopencl.Kernel, n: int, arguments: tuple[object, ...]
+        self, kernel: pyopencl.Kernel, n: int, arguments: tuple[np.int32 | pyopencl.Buffer, ...]
     ) -> pyopencl.Event:
         """Enqueue a kernel over n rays; returns its event."""
         import pyopencl as cl
 
-        kernel.set_args(np.int32(n), *arguments)
+        for i, argument in enumerate((np.int32(n), *arguments)):
+            kernel.set_arg(i, argument)
         group = self._device.work_group_size
         size = -(-n // group) * group
         return cl.enqueue_nd_range_kernel(self._device.queue, kernel, (size,), (group,))

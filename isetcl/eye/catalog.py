@@ -39,7 +39,7 @@ def navarro(
     accommodation_dpt
         The eye is in focus for an object at 1/accommodation metres from the corneal vertex, at the
         focus wavelength and by the criterion. None, the default, is the relaxed eye; that one is
-        focused somewhat in front of infinity (0.42 dpt at a 4 mm stop and 550 nm).
+        focused somewhat in front of infinity (0.43 dpt at a 4 mm stop and 550 nm).
     pupil_plane
         ``"stop"`` (the iris, as in the paper) or ``"entrance"`` (what a clinician measures).
     focus_wavelength_nm, focus_criterion
@@ -54,7 +54,7 @@ def navarro(
     Raises
     ------
     FocusError
-        If the eye cannot focus there (the far point at 4 mm is 0.42 dpt, the near point 9.3 dpt).
+        If the eye cannot focus there (the far point at 4 mm is 0.43 dpt, the near point 9.3 dpt).
     InvalidInputError
         If an argument breaks its rule, or both accommodations are given.
     """
@@ -111,8 +111,8 @@ def legrand(
     pupil_diameter_mm, pupil_plane
         As in `navarro`.
     state
-        ``"relaxed"`` or ``"accommodated"`` (Le Grand's second form, about 7 dpt). The model has
-        nothing in between, so it takes no accommodation in dioptres.
+        ``"relaxed"`` or ``"accommodated"`` (Le Grand's second form: 7.3 dpt paraxial). The model
+        has nothing in between, so it takes no accommodation in dioptres.
 
     Raises
     ------
@@ -170,6 +170,10 @@ def _accommodated(
         )
     if accommodation_dpt is None:
         return model.eye(model.parameter_range[0] if parameter is None else parameter)
-    check_finite("accommodation_dpt", accommodation_dpt, "dpt")
+    if check_finite("accommodation_dpt", accommodation_dpt, "dpt") < 0:
+        raise InvalidInputError(
+            f"accommodation_dpt must be >= 0 dpt, got {accommodation_dpt:g}; leave it out for the "
+            "relaxed eye"
+        )
     relaxed = model.eye(model.parameter_range[0])
     return relaxed.focus_at(distance_from_vergence(accommodation_dpt), wavelength_nm, criterion)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isetcl.errors import InvalidInputError
 from isetcl.eye.field import FieldMap
 from isetcl.eye.model import Eye
 from isetcl.eye.polynomial import evaluate, fit, unit_nodes
@@ -33,6 +34,8 @@ _FIELD_NODES = 12
 _FIT_TOLERANCE = 2e-7  # of the radius of the stop
 _SCAN_TOLERANCE = 0.01
 _SCAN_MARGIN = 0.02  # outlines found by trial may have corners between the azimuths tried
+_CHIEF_RAYS = 1024
+_CHIEF_FAN_RAD = math.radians(89.0)
 _RIGHT = np.array([1.0, 0.0])
 _UP = np.array([0.0, 1.0])
 
@@ -109,6 +112,7 @@ def exit_pupil_bound(
         clipped_elsewhere=False,
         has_far_side=False,
     )
+    _check_ellipses(eye, bound)
     excess, fill = outline.compare(bound, check)
     grow = max(excess, 1.0) * (1.0 + (MARGIN if outline.is_complete else _SCAN_MARGIN))
     clipped, far_side = outline.losses(check[::2])
@@ -120,6 +124,18 @@ def exit_pupil_bound(
         clipped_elsewhere=clipped,
         has_far_side=far_side,
     )
+
+
+def _check_ellipses(eye: Eye, bound: ExitPupilBound) -> None:
+    """Refuse a bound whose ellipses are not ellipses somewhere: its polynomials have failed."""
+    s = np.linspace(0.0, 1.0, 513)
+    semi = evaluate(bound.semi, s)
+    area = bound.area_mm2(bound.field_limit_deg * np.sqrt(s))
+    if np.min(semi) <= 0 or np.min(area) <= 0:
+        raise InvalidInputError(
+            f"eye {eye.name!r}: the stop cannot be seen from the retina at every field angle out "
+            f"to {bound.field_limit_deg:.4g} deg; reduce fov_deg or centre_deg"
+        )
 
 
 class StopOutline:
@@ -144,6 +160,12 @@ class StopOutline:
         self._through = tuple(sequence)
         self._open = (*sequence[:rear], _open_plane(sequence[rear]), *sequence[rear + 1 :])
         self._stop_radius = eye.stop.radius_mm
+        self._stop_z = eye.stop.z_mm
+        self._from_stop = tuple(
+            e
+            for e in elements(eye, wavelength_nm)[eye.stop_index :]
+            if e.kind is not ElementKind.STOP
+        )
         pupil = eye.exit_pupil(wavelength_nm)
         self.z_mm = pupil.z_mm
         self._magnification = pupil.magnification
@@ -195,7 +217,7 @@ class StopOutline:
         within the last step, and returns the step after the last ray that passes the whole eye;
         (fields, azimuths, 2), mm.
         """
-        chief, _ = self._aim_at_stop(self._retina(field_deg, 1), np.zeros((len(field_deg), 2)))
+        chief = self._chief(self._retina(field_deg, 1))
         coarse = self._stop_radius / 24.0
         inner = np.zeros((len(field_deg), len(circle)))
         for step, count in ((coarse, 60), (coarse / 24.0, 24)):
@@ -203,6 +225,25 @@ class StopOutline:
             inner = inner + step * last
         outermost = inner + step
         return chief[:, None, :] + outermost[..., None] * circle
+
+    def _chief(self, retina_mm: np.ndarray) -> np.ndarray:
+        """Where the rays from retinal points through the centre of the stop cross the pupil plane.
+
+        From a fan of rays from the centre of the stop onto the retina; Newton's method would not
+        converge where hardly any ray passes.
+        """
+        angle = np.linspace(0.0, _CHIEF_FAN_RAD, _CHIEF_RAYS)
+        origins = np.broadcast_to([0.0, 0.0, self._stop_z], (_CHIEF_RAYS, 3))
+        directions = np.stack([np.zeros_like(angle), np.sin(angle), np.cos(angle)], axis=1)
+        rays = trace_elements(self._from_stop, origins, directions, "retina")
+        passed = rays.passed
+        point, direction = rays.positions_mm[passed], rays.directions[passed]
+        slope = direction[:, 1] / direction[:, 2]
+        height = point[:, 1] + slope * (self.z_mm - point[:, 2])
+        about_pupil = np.arctan2(point[:, 1], point[:, 2] - self.z_mm)
+        wanted = np.arctan2(retina_mm[:, 1], retina_mm[:, 2] - self.z_mm)
+        y = np.sign(wanted) * np.interp(np.abs(wanted), about_pupil, height)
+        return np.stack([np.zeros_like(y), y], axis=1)
 
     def _last_passing(
         self,

@@ -438,6 +438,16 @@ class Eye:
         return description
 
 
+def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
+    """Raise InvalidInputError unless every medium of an eye is defined at all wavelengths, nm."""
+    low, high = eye.wavelength_range_nm()
+    if wavelengths_nm[0] < low or wavelengths_nm[-1] > high:
+        raise InvalidInputError(
+            f"wavelengths_nm must lie between {low:g} and {high:g} nm, where the media of eye "
+            f"{eye.name!r} are defined, got {wavelengths_nm[0]:g} to {wavelengths_nm[-1]:g} nm"
+        )
+
+
 def _curvature(name: str, radius_mm: float) -> float:
     radius = check_number(name, radius_mm)
     if math.isnan(radius) or radius == 0:

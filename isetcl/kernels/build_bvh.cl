@@ -11,7 +11,8 @@
 INLINE real4 least4(real4 a, real4 b) { return a < b ? a : b; }
 INLINE real4 most4(real4 a, real4 b) { return a > b ? a : b; }
 
-INLINE real half_area(real4 lo, real4 hi) {
+/* box_area - half the surface of a box. */
+INLINE real box_area(real4 lo, real4 hi) {
   real4 d = hi - lo;
   return d.x * d.y + d.y * d.z + d.z * d.x;
 }
@@ -88,7 +89,7 @@ kernel void build_bvh(const int n, global const real4 *restrict lo, global const
           number += bin_count[axis][s];
           a = least4(a, bin_lo[axis][s]);
           b = most4(b, bin_hi[axis][s]);
-          cost_right[s] = number > 0 ? number * half_area(a, b) : INFINITY;
+          cost_right[s] = number > 0 ? number * box_area(a, b) : INFINITY;
         }
         a = (real4)(INFINITY), b = (real4)(-INFINITY);
         number = 0;
@@ -96,7 +97,7 @@ kernel void build_bvh(const int n, global const real4 *restrict lo, global const
           number += bin_count[axis][s];
           a = least4(a, bin_lo[axis][s]);
           b = most4(b, bin_hi[axis][s]);
-          const real cost = number > 0 ? number * half_area(a, b) + cost_right[s + 1] : INFINITY;
+          const real cost = number > 0 ? number * box_area(a, b) + cost_right[s + 1] : INFINITY;
           if (cost < best) best = cost, best_axis = axis, best_bin = s, left = number;
         }
       }

@@ -113,6 +113,12 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
     maskv passed = leave_eye(&ray, sequence, n_elements);
     weight = passed ? weight : (realv)0;
     realv colour[N_BASIS];
+#if HAS_SPHERES
+    /* Spheres need unit directions; in air they are so already. */
+    ray.tx *= pupil->inverse_object_index;
+    ray.ty *= pupil->inverse_object_index;
+    ray.tz *= pupil->inverse_object_index;
+#endif
     radiance(ray, scene, patches, spheres, materials, images, texels, colour);
 #pragma unroll
     for (int k = 0; k < N_BASIS; ++k) sum[k] = mul_add(weight, colour[k], sum[k]);

@@ -70,9 +70,10 @@ def layered_sum(blur: Blur, n_layers: int) -> np.ndarray:
 def layered_over(blur: Blur, n_layers: int) -> np.ndarray:
     """M8: composite complete layers back to front, C <- P_k * (m_k f_k) + (1 - P_k * m_k) C.
 
-    Exact where one of two layers is in focus or the far one is uniform. Two overlapping blurred
+    Exact where one of two objects is in focus or the far one is uniform. Two overlapping blurred
     textured layers are treated as if seen through independent parts of the pupil, which they are
-    not.
+    not. A slanted surface that is cut into layers darkens where they meet, since their blurred
+    edges do not add up to one: a uniform plane in two layers by a quarter.
 
     Parameters
     ----------

@@ -6,15 +6,19 @@ analytic intersections on the host, and every wavelength is computed by itself.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
+import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_count
-from isetcl.eye.model import Eye
+from isetcl.errors import InvalidInputError, check_choice, check_count, check_type
+from isetcl.eye.field import direction_from_field
+from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.throughput import irradiance_per_radiance
+from isetcl.memory import check_memory
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
@@ -31,12 +35,16 @@ from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.basis import spectral_basis
 from isetcl.scene.model import Scene
+from isetcl.scene.texture import Image
+from isetcl.scene.view import intersect, texels_across
 from isetcl.spectrum import check_wavelengths, default_wavelengths_nm
+from isetcl.units import MM_PER_M
 from isetcl.version import __version__
 
 PSF_KINDS = ("geometric",)
 
 _SHIFT_TOLERANCE = 0.05
+_MARGIN_ROUNDS = 4
 
 
 def render(
@@ -85,25 +93,33 @@ def render(
     """
     start = time.perf_counter()
     chosen: Method = methods()[check_choice("method", method, methods())]
+    check_type("scene", scene, Scene)
+    check_type("eye", eye, Eye)
     check_choice("psf", psf, PSF_KINDS)
-    check_count("oversampling", oversampling, 1, 8)
+    oversampling = check_count("oversampling", oversampling, 1, 8)
+    if progress is not None and not callable(progress):
+        raise InvalidInputError(
+            f"progress must be a function of the fraction done, or None, got {progress!r}"
+        )
     grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
     wavelengths = check_wavelengths(
         default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
     )
+    check_eye_wavelengths(eye, wavelengths)
+    _check_square(grid)
+    scene = _filtered(scene, grid, oversampling)
     basis = spectral_basis(scene, wavelengths)
-    edges = layer_edges_dpt(scene, grid, layers, blur_step_dpt(grid))
-    verges = _layer_vergences(scene, grid, edges)
-    psfs = _all_psfs(grid, wavelengths, verges, oversampling)
-    margin = _margin(grid, wavelengths, psfs, oversampling)
+    edges, psfs, margin = _layers_and_psfs(scene, grid, layers, wavelengths, oversampling)
     view = ViewGrid(grid, oversampling, margin)
-    taken = take_layers(scene, view, basis, edges, complete=chosen.needs_complete_layers)
+    _check_memory(view, len(edges) - 1, len(basis.spectra), len(wavelengths))
+    taken = take_layers(
+        scene, view, basis, _open_ended(edges), complete=chosen.needs_complete_layers
+    )
     irradiance = np.zeros((len(wavelengths), *grid.shape), dtype=np.float32)
     if taken:
-        taken_psfs = _matching(psfs, verges, taken, grid, wavelengths, oversampling)
         spectra = LayerSpectra(taken)
         for i, wavelength in enumerate(wavelengths):
-            blur = SpectralBlur(spectra, taken_psfs[i])
+            blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken])
             channels = chosen.combine(blur, len(taken))
             radiance = np.tensordot(basis.spectra[:, i].astype(np.float32), channels, axes=1)
             on_retina = _onto_retina(radiance, view, float(wavelength))
@@ -118,7 +134,9 @@ def render(
         "scene_digest": scene.digest(),
         "layers_dpt": [layer.vergence_dpt for layer in taken],
         "oversampling": oversampling,
-        "psf_energy_outside": max((p.energy_outside for row in psfs for p in row), default=0.0),
+        "psf_energy_outside": max(
+            (p.energy_outside for row in psfs for p in row.values()), default=0.0
+        ),
         "elapsed_s": time.perf_counter() - start,
     }
     return RetinalImage.from_arrays(
@@ -130,6 +148,65 @@ def render(
     )
 
 
+def _filtered(scene: Scene, grid: RetinalGrid, oversampling: int) -> Scene:
+    """The scene with pictures averaged down where a sample of the view covers several texels."""
+    sample_rad = math.radians(min(grid.pitch_deg)) / oversampling
+    pupil_m = float(grid.field_map.entrance_z_mm(0.0)) / MM_PER_M
+    x = np.linspace(grid.x_deg[0], grid.x_deg[-1], 33)
+    y = np.linspace(grid.y_deg[0], grid.y_deg[-1], 33)
+    directions = direction_from_field(*np.meshgrid(x, y))
+    objects = []
+    for item in scene.objects:
+        image = item.material.texture
+        if isinstance(image, Image):
+            hits = intersect(item.shape, np.array([0.0, 0.0, pupil_m]), directions)
+            nearest = float(np.min(hits.distance_m))
+            if math.isfinite(nearest):
+                across = texels_across(item.shape, image, nearest, sample_rad)
+                small = image.halved(max(0, math.floor(math.log2(max(across, 1.0)))))
+                material = dataclasses.replace(item.material, texture=small)
+                item = dataclasses.replace(item, material=material)
+        objects.append(item)
+    return dataclasses.replace(scene, objects=tuple(objects))
+
+
+def _layers_and_psfs(
+    scene: Scene,
+    grid: RetinalGrid,
+    layers: Layers,
+    wavelengths_nm: np.ndarray,
+    oversampling: int,
+) -> tuple[np.ndarray, list[dict[float, Psf]], int]:
+    """Edges of layers, PSFs by wavelength and vergence, and the margin the view needs.
+
+    Blur brings light from beyond the borders into the image, so that the margin depends on the
+    PSFs, those on the layers, and the layers on what lies in the margin.
+    """
+    psfs: list[dict[float, Psf]] = [{} for _ in wavelengths_nm]
+    pitch = grid.pitch_deg[0] / oversampling
+    reach = 0.0
+    for _ in range(_MARGIN_ROUNDS):
+        edges = layer_edges_dpt(scene, grid, layers, blur_step_dpt(grid), reach)
+        verges = _layer_vergences(scene, grid, edges)
+        for known, wavelength in zip(psfs, wavelengths_nm, strict=True):
+            for v in verges:
+                if v not in known:
+                    known[v] = geometric_psf(grid.eye, float(wavelength), v, pitch, grid.centre_deg)
+        used = [{v: known[v] for v in verges} for known in psfs]
+        margin = _margin(grid, wavelengths_nm, used, oversampling)
+        if margin * pitch <= reach:
+            break
+        reach = margin * pitch
+    return edges, used, margin
+
+
+def _open_ended(edges_dpt: np.ndarray) -> np.ndarray:
+    """Edges whose outer layers hold everything beyond them."""
+    edges = edges_dpt.copy()
+    edges[0], edges[-1] = -np.inf, np.inf
+    return edges
+
+
 def _layer_vergences(scene: Scene, grid: RetinalGrid, edges_dpt: np.ndarray) -> list[float]:
     """A vergence for every layer: its mean in a coarse view, or its middle if nothing is seen."""
     coarse = RetinalGrid.of(grid.eye, grid.fov_deg, (33, 33), grid.centre_deg)
@@ -137,48 +214,54 @@ def _layer_vergences(scene: Scene, grid: RetinalGrid, edges_dpt: np.ndarray) -> 
     verges = []
     for low, high in itertools.pairwise(edges_dpt):
         view = ViewGrid(coarse, 1, 0)
-        layers = take_layers(scene, view, basis, np.array([low, high]), complete=True, refinement=1)
+        between = np.array([low if low > 0 else -np.inf, high])
+        layers = take_layers(scene, view, basis, between, complete=True, refinement=1)
         verges.append(layers[0].vergence_dpt if layers else max(0.0, (low + high) / 2.0))
     return verges
 
 
-def _all_psfs(
-    grid: RetinalGrid, wavelengths_nm: np.ndarray, verges: Sequence[float], oversampling: int
-) -> list[list[Psf]]:
-    """PSFs for every wavelength and layer at the middle of the field."""
+def _check_square(grid: RetinalGrid) -> None:
     width, height = grid.pitch_deg
     if abs(width / height - 1.0) > 1e-6:
         raise InvalidInputError(
             f"PSF methods need square pixels, got {width:g} by {height:g} deg; "
             "pass one number for fov_deg"
         )
-    return [
-        [
-            geometric_psf(grid.eye, float(w), v, width / oversampling, grid.centre_deg)
-            for v in verges
-        ]
-        for w in wavelengths_nm
-    ]
 
 
-def _matching(
-    psfs: list[list[Psf]],
-    verges: Sequence[float],
-    taken: Sequence[Layer],
-    grid: RetinalGrid,
-    wavelengths_nm: np.ndarray,
-    oversampling: int,
-) -> list[list[Psf]]:
-    """The PSFs of the layers that were found, in their order."""
-    index = [int(np.argmin([abs(v - layer.vergence_dpt) for v in verges])) for layer in taken]
-    return [[row[k] for k in index] for row in psfs]
+def _check_memory(view: ViewGrid, n_layers: int, n_basis: int, n_wavelengths: int) -> None:
+    """Raise OutOfMemoryError, naming a resolution that fits, before anything large is allocated.
+
+    A sample of the view takes a float for every layer and channel, twice that for their transforms,
+    and working space for one wavelength.
+    """
+    rows, columns = view.shape
+    per_sample = 4 * n_layers * (n_basis + 2) + 8 * n_layers * (n_basis + 1) + 32 * (n_basis + 2)
+    pixels = view.grid.shape[0] * view.grid.shape[1]
+    needed = rows * columns * per_sample + pixels * n_wavelengths * 16
+    check_memory(
+        f"a view of {columns} x {rows} samples in {n_layers} layers",
+        needed,
+        lambda share: (
+            f"about {int(view.grid.shape[1] * share)} x {int(view.grid.shape[0] * share)} pixels "
+            "would fit, or use fewer layers"
+        ),
+    )
+
+
+def _nearest(psfs: dict[float, Psf], layer: Layer) -> Psf:
+    """The PSF computed for a layer: that of the nearest vergence."""
+    return psfs[min(psfs, key=lambda v: abs(v - layer.vergence_dpt))]
 
 
 def _margin(
-    grid: RetinalGrid, wavelengths_nm: np.ndarray, psfs: list[list[Psf]], oversampling: int
+    grid: RetinalGrid,
+    wavelengths_nm: np.ndarray,
+    psfs: list[dict[float, Psf]],
+    oversampling: int,
 ) -> int:
     """Samples a view must reach beyond the image: the largest PSF and the lateral colour shift."""
-    radius = max(psf.radius for row in psfs for psf in row)
+    radius = max(psf.radius for row in psfs for psf in row.values())
     arc = float(grid.field_map.arc_mm(grid.limit_deg))
     shift = 0.0
     for wavelength in (wavelengths_nm[0], wavelengths_nm[-1]):
@@ -224,8 +307,13 @@ def _onto_retina(radiance: np.ndarray, view: ViewGrid, wavelength_nm: float) -> 
 
 def _throughput(grid: RetinalGrid, wavelength_nm: float) -> np.ndarray:
     """Irradiance per unit radiance at every pixel, sr, (rows, columns)."""
-    nodes = np.linspace(0.0, grid.limit_deg, 9)
+    from scipy.interpolate import CubicSpline
+
+    # A node every two degrees: far out the pupil closes quickly.
+    nodes = np.linspace(0.0, grid.limit_deg, max(9, math.ceil(grid.limit_deg / 2.0) + 1))
     values = irradiance_per_radiance(grid.eye, wavelength_nm, grid.field_map, nodes)
-    curve = np.polynomial.Polynomial.fit((nodes / grid.limit_deg) ** 2, values, 4)
+    even = CubicSpline(
+        np.concatenate([-nodes[:0:-1], nodes]), np.concatenate([values[:0:-1], values])
+    )
     x, y = np.meshgrid(grid.x_deg, grid.y_deg)
-    return np.asarray(curve((x * x + y * y) / grid.limit_deg**2))
+    return np.asarray(even(np.hypot(x, y)))

@@ -14,12 +14,12 @@ from typing import Literal
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_count
+from isetcl.errors import InvalidInputError, check_array, check_count
 from isetcl.eye.field import direction_from_field
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
-from isetcl.scene.model import Scene
-from isetcl.scene.view import intersect, weights
+from isetcl.scene.model import Scene, SceneObject, Shape
+from isetcl.scene.view import COINCIDENT, intersect, outline_points, weights
 from isetcl.units import MM_PER_M
 
 Layers = Literal["auto"] | int | Sequence[float]
@@ -29,6 +29,9 @@ MAX_LAYERS = 512
 _ROWS_AT_ONCE = 64
 _RAYS_AT_ONCE = 1 << 17
 _EDGE_CONTRAST = 0.1
+_THICK_SAMPLES = 4.0  # objects at least so thick are found by the differences of samples
+_RAYS_ACROSS_OBJECT = 12
+_MAX_REFINEMENT = 128
 
 
 @dataclass(frozen=True)
@@ -92,11 +95,17 @@ class Layer:
     coverage: np.ndarray
 
 
-def layer_edges_dpt(scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: float) -> np.ndarray:
+def layer_edges_dpt(
+    scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: float, reach_deg: float = 0.0
+) -> np.ndarray:
     """Edges of depth layers in dioptres, ascending (far to near), shape (n + 1,).
+
+    What lies beyond the outer edges belongs to the outer layers.
 
     Parameters
     ----------
+    reach_deg
+        How far beyond the image's borders surfaces count: their blur may reach into it.
     layers
         ``"auto"``: as few as keep a layer thinner than `step_dpt`, none where there is nothing; a
         number: equal steps between the farthest and the nearest surface; or the edges themselves.
@@ -108,7 +117,7 @@ def layer_edges_dpt(scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: f
     InvalidInputError
         If edges are not ascending or do not enclose the scene, or too many layers are needed.
     """
-    seen = _vergences(scene, grid)
+    seen = _vergences(scene, grid, reach_deg)
     if len(seen) == 0:
         return np.array([-1e-9, 1e-9])
     low, high = float(seen[0]), float(seen[-1])
@@ -119,15 +128,15 @@ def layer_edges_dpt(scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: f
                 f"layers must be 'auto', a number or edges in dioptres, got {layers!r}"
             )
         return _cluster_edges(seen, step_dpt, pad)
-    if isinstance(layers, int) and not isinstance(layers, bool):
-        count = check_count("layers", layers, 1, MAX_LAYERS)
+    if np.ndim(layers) == 0:
+        count = check_count("layers", layers, 1, MAX_LAYERS)  # type: ignore[arg-type]
         return np.linspace(low - pad, high + pad, count + 1)
-    edges = np.asarray(layers, dtype=np.float64)
+    edges = check_array("layers", layers)
     if edges.ndim != 1 or len(edges) < 2 or np.any(np.diff(edges) <= 0):
         raise InvalidInputError(
             f"layer edges must be ascending numbers of dioptres, got {edges.tolist()}"
         )
-    if edges[0] > low or edges[-1] < high:
+    if reach_deg == 0.0 and (edges[0] > low or edges[-1] < high):
         raise InvalidInputError(
             f"layer edges must enclose the scene, {low:g} to {high:g} dpt, got {edges[0]:g} to "
             f"{edges[-1]:g} dpt"
@@ -135,19 +144,39 @@ def layer_edges_dpt(scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: f
     return edges
 
 
-def _vergences(scene: Scene, grid: RetinalGrid) -> np.ndarray:
-    """Vergences of all surfaces along a coarse set of rays, hidden ones included, sorted."""
-    x = np.linspace(grid.x_deg[0], grid.x_deg[-1], 65)
-    y = np.linspace(grid.y_deg[0], grid.y_deg[-1], 65)
-    origin, directions = _rays(grid, *np.meshgrid(x, y))
-    found = [
-        _vergence(intersect(o.shape, origin, directions).distance_m, origin, directions)
-        for o in scene.objects
-    ]
-    values = [v[v > 0] for v in found]
+def _vergences(scene: Scene, grid: RetinalGrid, reach_deg: float) -> np.ndarray:
+    """Vergences of surfaces in a field larger than the image, hidden ones included, sorted.
+
+    Along a coarse set of rays, and at points of every outline, so that small objects count too.
+    """
+    left, right = grid.left_deg - reach_deg, grid.left_deg + grid.fov_deg[0] + reach_deg
+    top, low = grid.top_deg + reach_deg, grid.top_deg - grid.fov_deg[1] - reach_deg
+    origin, directions = _rays(
+        grid, *np.meshgrid(np.linspace(left, right, 129), np.linspace(top, low, 129))
+    )
+    values = []
+    for item in scene.objects:
+        hits = _vergence(intersect(item.shape, origin, directions).distance_m, origin, directions)
+        x, y, vergence = _outline(grid, item.shape, 256)
+        inside = (x >= left) & (x <= right) & (y >= low) & (y <= top)
+        values += [hits[hits > 0], vergence[inside]]
     if scene.background is not None:
         values.append(np.zeros(1))
     return np.unique(np.concatenate(values)) if values else np.zeros(0)
+
+
+def _outline(
+    grid: RetinalGrid, shape: Shape, count: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Field angles (x, y), degrees, and vergences of points on the outline of a shape."""
+    pupil = np.array([0.0, 0.0, float(grid.field_map.entrance_z_mm(0.0)) / MM_PER_M])
+    point = outline_points(shape, pupil, count)
+    point = point[point[:, 2] < 0.0]
+    away = point - pupil
+    across = np.hypot(away[:, 0], away[:, 1])
+    theta = np.degrees(np.arctan2(across, -away[:, 2]))
+    scale = theta / np.where(across > 0, across, 1.0)
+    return away[:, 0] * scale, away[:, 1] * scale, -1.0 / point[:, 2]
 
 
 def _cluster_edges(seen: np.ndarray, step_dpt: float, pad: float) -> np.ndarray:
@@ -200,7 +229,13 @@ def take_layers(
     complete
         True: each layer as if nothing stood before it. False: only what is visible.
     refinement
-        Rays across a sample where neighbouring samples differ strongly; one ray elsewhere.
+        Rays across a sample where neighbouring samples differ strongly; one ray elsewhere. Objects
+        thinner than a few samples take more, so that their light is not lost.
+
+    Raises
+    ------
+    InvalidInputError
+        If an object in the field is too small to be found by the finest refinement.
     """
     rows, columns = view.shape
     count = len(edges_dpt) - 1
@@ -211,7 +246,11 @@ def take_layers(
         surfaces = _surfaces(scene, view.grid, basis, x, y)
         found[:, :, block] = _by_layer(surfaces, edges_dpt, complete, x.shape, len(basis.spectra))
     if refinement > 1:
-        _refine(found, scene, view, basis, edges_dpt, complete, refinement)
+        rays_across = np.where(_has_edge(found[:, :-1]), refinement, 0)
+        for item in scene.objects:
+            _mark_outline(rays_across, item, view, refinement)
+        for factor in np.unique(rays_across[rays_across > 0]):
+            _refine(found, scene, view, basis, edges_dpt, complete, rays_across, int(factor))
     layers = []
     for colour, coverage, vergence in ((f[:-2], f[-2], f[-1]) for f in found):
         total = float(coverage.sum(dtype=np.float64))
@@ -221,6 +260,41 @@ def take_layers(
     return layers
 
 
+def _mark_outline(
+    rays_across: np.ndarray, item: SceneObject, view: ViewGrid, refinement: int
+) -> None:
+    """Raise the refinement of samples along an object's outline to what its thickness needs."""
+    x, y, _ = _outline(view.grid, item.shape, 256)
+    if len(x) < 256:
+        # An outline that passes behind the eye is large; neighbours show its edges.
+        return
+    width, height = view.pitch_deg
+    column, row = x / width, -y / height
+    area = 0.5 * abs(float(np.sum(column * np.roll(row, -1) - row * np.roll(column, -1))))
+    steps = np.hypot(np.roll(column, -1) - column, np.roll(row, -1) - row)
+    perimeter = float(np.sum(steps))
+    thickness = 2.0 * area / perimeter if perimeter > 0 else 0.0
+    if thickness > _THICK_SAMPLES:
+        return
+    dense = int(np.clip(4.0 * perimeter, 256, 1 << 18))
+    x, y, _ = _outline(view.grid, item.shape, dense)
+    column = np.floor((x - view.x_deg(0.0)[0]) / width).astype(int)
+    row = np.floor((view.y_deg(0.0)[0] - y) / height).astype(int)
+    rows, columns = view.shape
+    inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
+    if not inside.any():
+        return
+    if thickness * _MAX_REFINEMENT < _RAYS_ACROSS_OBJECT / 4.0:
+        raise InvalidInputError(
+            f"object {item.name!r} is {thickness:.2g} samples of the view across, too small for "
+            "PSF methods; make it larger and dimmer, use smaller pixels or more oversampling"
+        )
+    wanted = math.ceil(_RAYS_ACROSS_OBJECT / max(thickness, 1e-9))
+    factor = min(max(refinement, wanted), _MAX_REFINEMENT)
+    place = (row[inside], column[inside])
+    rays_across[place] = np.maximum(rays_across[place], factor)
+
+
 def _refine(
     found: np.ndarray,
     scene: Scene,
@@ -228,20 +302,21 @@ def _refine(
     basis: SpectralBasis,
     edges_dpt: np.ndarray,
     complete: bool,
+    rays_across: np.ndarray,
     refinement: int,
 ) -> None:
-    """Replace samples that differ strongly from a neighbour by means over `refinement`^2 rays."""
-    row, column = np.nonzero(_has_edge(found[:, :-1]))
+    """Replace samples that want so many rays across by means over `refinement`^2 rays."""
+    row, column = np.nonzero(rays_across == refinement)
     offsets = (np.arange(refinement) + 0.5) / refinement
-    for first in range(0, len(row), _RAYS_AT_ONCE):
-        r, c = row[first : first + _RAYS_AT_ONCE], column[first : first + _RAYS_AT_ONCE]
-        mean = np.zeros((*found.shape[:2], len(r)))
-        for offset_y in offsets:
-            for offset_x in offsets:
-                x, y = view.x_deg(offset_x)[c], view.y_deg(offset_y)[r]
-                surfaces = _surfaces(scene, view.grid, basis, x, y)
-                mean += _by_layer(surfaces, edges_dpt, complete, x.shape, len(basis.spectra))
-        found[:, :, r, c] = mean / refinement**2
+    offset_y, offset_x = (o.ravel() for o in np.meshgrid(offsets, offsets, indexing="ij"))
+    samples = max(1, _RAYS_AT_ONCE // refinement**2)
+    for first in range(0, len(row), samples):
+        r, c = row[first : first + samples], column[first : first + samples]
+        x = view.x_deg(0.0)[c] + offset_x[:, None] * view.pitch_deg[0]
+        y = view.y_deg(0.0)[r] - offset_y[:, None] * view.pitch_deg[1]
+        surfaces = _surfaces(scene, view.grid, basis, x, y)
+        rays = _by_layer(surfaces, edges_dpt, complete, x.shape, len(basis.spectra))
+        found[:, :, r, c] = rays.mean(axis=2)
 
 
 def _has_edge(values: np.ndarray) -> np.ndarray:
@@ -293,15 +368,18 @@ def _by_layer(
     """
     count = len(edges_dpt) - 1
     result = np.zeros((count, n_basis + 2, *shape))
+    first = np.full(shape, -1)
     nearest = np.full(shape, -1.0)
-    for vergence, _ in surfaces:
-        nearest = np.maximum(nearest, vergence)
+    for k, (vergence, _) in enumerate(surfaces):
+        closer = _is_closer(vergence, nearest)
+        nearest, first = np.where(closer, vergence, nearest), np.where(closer, k, first)
     for i in range(count):
         best = np.full(shape, -1.0)
-        for vergence, tint in surfaces:
-            here = (vergence > edges_dpt[i]) & (vergence <= edges_dpt[i + 1]) & (vergence > best)
+        for k, (vergence, tint) in enumerate(surfaces):
+            here = (vergence > edges_dpt[i]) & (vergence <= edges_dpt[i + 1])
+            here &= _is_closer(vergence, best)
             if not complete:
-                here &= vergence == nearest
+                here &= first == k
             if here.any():
                 best = np.where(here, vergence, best)
                 result[i, :n_basis] = np.where(here, np.moveaxis(tint, -1, 0), result[i, :n_basis])
@@ -309,6 +387,11 @@ def _by_layer(
         result[i, n_basis] = covered
         result[i, n_basis + 1] = np.where(covered, best, 0.0)
     return result
+
+
+def _is_closer(vergence: np.ndarray, best: np.ndarray) -> np.ndarray:
+    """Where a surface lies before the best so far; of two in the same place the earlier counts."""
+    return vergence > best + COINCIDENT * np.abs(best)
 
 
 def blur_step_dpt(grid: RetinalGrid) -> float:

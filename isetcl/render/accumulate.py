@@ -48,6 +48,7 @@ class TileAccumulator:
             self._sum += film * samples
             quantities -= self._pivot
             quantities *= quantities
+            quantities *= samples
             self._squares += quantities
         self._samples += samples
         self._replicates += 1
@@ -60,7 +61,8 @@ class TileAccumulator:
     def standard_error(self) -> np.ndarray:
         """Standard error of the tracked quantities, (quantities, rows, columns).
 
-        sqrt(sum (x_r - mean)^2 / (R (R - 1))) over R replicates of equal size; NaN for one.
+        sqrt(sum n_r (x_r - mean)^2 / (N (R - 1))) over R replicates of n_r of N samples, whose
+        variances are taken to fall as 1/n_r; NaN for one.
         """
         assert self._pivot is not None
         assert self._squares is not None
@@ -68,5 +70,5 @@ class TileAccumulator:
         if n < 2:
             return np.full_like(self._pivot, np.nan)
         offset = np.tensordot(self._tracked, self.film(), axes=1) - self._pivot
-        spread = np.maximum(self._squares - n * offset * offset, 0.0)
-        return np.sqrt(spread / (n * (n - 1)))
+        spread = np.maximum(self._squares / self._samples - offset * offset, 0.0)
+        return np.sqrt(spread / (n - 1))

@@ -46,6 +46,7 @@ PUPIL = Struct(
         Member("z"),
         Member("index"),
         Member("pi_index_ratio2"),
+        Member("inverse_object_index"),
         Member("semi", length=MAX_TERMS),
         Member("stretch", length=MAX_TERMS),
         Member("centre", length=MAX_TERMS),
@@ -162,6 +163,7 @@ def pack_pupils(
         record["z"] = bound.z_mm
         record["index"] = n_vitreous
         record["pi_index_ratio2"] = np.pi * (n_vitreous / n_object) ** 2
+        record["inverse_object_index"] = 1.0 / n_object
         _fill(record, "semi", bound.semi)
         _fill(record, "stretch", bound.stretch)
         _fill(record, "centre", bound.centre)

@@ -14,12 +14,14 @@ from typing import Literal
 
 import numpy as np
 
+from isetcl import memory
 from isetcl.device.choose import find_device
 from isetcl.device.devices import Device
 from isetcl.device.layout import Precision
-from isetcl.errors import InvalidInputError, OutOfMemoryError, check_choice
+from isetcl.errors import check_choice, check_type
 from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
-from isetcl.eye.model import Eye
+from isetcl.eye.field import direction_from_field
+from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.kernel_config import KernelConfig
 from isetcl.retina.bands import BandChoice, choose_bands
@@ -27,7 +29,7 @@ from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Sphere
 from isetcl.scene.texture import Checkerboard, Image
-from isetcl.scene.view import intersect, plane_axes
+from isetcl.scene.view import intersect, texels_across
 from isetcl.spectrum import check_wavelengths, default_wavelengths_nm
 from isetcl.units import MM_PER_M
 
@@ -135,15 +137,13 @@ def plan(
     InvalidInputError, DeviceError, OutOfMemoryError
         Everything that can be known to be wrong before a kernel is built.
     """
-    if not isinstance(scene, Scene):
-        raise InvalidInputError(f"scene must be an isetcl Scene, got {type(scene).__name__}")
-    if not isinstance(eye, Eye):
-        raise InvalidInputError(f"eye must be an isetcl Eye, got {type(eye).__name__}")
+    check_type("scene", scene, Scene)
+    check_type("eye", eye, Eye)
     grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
     wavelengths = check_wavelengths(
         default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
     )
-    _check_wavelength_range(eye, wavelengths)
+    check_eye_wavelengths(eye, wavelengths)
     basis = spectral_basis(scene, wavelengths)
     chosen_device = find_device(device)
     notes: list[Decision] = []
@@ -177,15 +177,6 @@ def plan(
         tile,
         chosen_device,
     )
-
-
-def _check_wavelength_range(eye: Eye, wavelengths_nm: np.ndarray) -> None:
-    low, high = eye.wavelength_range_nm()
-    if wavelengths_nm[0] < low or wavelengths_nm[-1] > high:
-        raise InvalidInputError(
-            f"wavelengths_nm must lie between {low:g} and {high:g} nm, where the media of eye "
-            f"{eye.name!r} are defined, got {wavelengths_nm[0]:g} to {wavelengths_nm[-1]:g} nm"
-        )
 
 
 def _decide_precision(
@@ -371,24 +362,13 @@ def _texels_per_pixel(scene: Scene, index: int, image: Image, grid: RetinalGrid)
     """Texels across the footprint of a pixel on the nearest visible part of an object."""
     shape = scene.objects[index].shape
     step_x, step_y = (max(1, n // 64) for n in grid.resolution)
-    directions = grid.directions()[::step_y, ::step_x]
+    directions = direction_from_field(*np.meshgrid(grid.x_deg[::step_x], grid.y_deg[::step_y]))
     pupil_m = grid.eye.entrance_pupil(grid.wavelength_nm).z_mm / MM_PER_M
     hits = intersect(shape, np.array([0.0, 0.0, pupil_m]), directions)
     nearest = float(np.min(hits.distance_m))
     if not math.isfinite(nearest):
         return 1.0
-    footprint_m = nearest * math.radians(min(grid.pitch_deg))
-    rows, columns = image.shape
-    if isinstance(shape, Sphere):
-        texel_m = shape.radius_m * math.pi * max(2.0 / columns, 1.0 / rows)
-    else:
-        quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
-        _, axis_u, axis_v = plane_axes(quad)
-        texel_m = max(
-            1.0 / (columns * float(np.linalg.norm(axis_u))),
-            1.0 / (rows * float(np.linalg.norm(axis_v))),
-        )
-    return footprint_m / texel_m
+    return texels_across(shape, image, nearest, math.radians(min(grid.pitch_deg)))
 
 
 def _decide_tile(
@@ -415,17 +395,15 @@ def check_memory(plan: Plan) -> None:
     ------
     OutOfMemoryError
     """
-    available = _available_bytes()
     columns, rows = plan.grid.resolution
-    per_pixel = bytes_per_pixel(plan)
-    needed = columns * rows * per_pixel
-    if needed > available:
-        fits = int(math.sqrt(available / per_pixel * columns / rows))
-        raise OutOfMemoryError(
-            f"an image of {columns} x {rows} pixels and {len(plan.wavelengths_nm)} wavelengths "
-            f"needs {needed / 2**30:.3g} GiB, {available / 2**30:.3g} GiB are free; "
-            f"about {fits} x {fits * rows // columns} pixels would fit, or use fewer wavelengths"
-        )
+    memory.check_memory(
+        f"an image of {columns} x {rows} pixels and {len(plan.wavelengths_nm)} wavelengths",
+        columns * rows * bytes_per_pixel(plan),
+        lambda share: (
+            f"about {int(columns * share)} x {int(rows * share)} pixels would fit, or use fewer "
+            "wavelengths"
+        ),
+    )
 
 
 def bytes_per_pixel(plan: Plan) -> int:
@@ -437,15 +415,3 @@ def bytes_per_pixel(plan: Plan) -> int:
     accumulators = 8 * (channels + 2 * tracked)
     # A pilot's accumulators are kept beside those of the longer replicates that follow it.
     return 2 * accumulators + 2 * result
-
-
-def _available_bytes() -> int:
-    """Free physical memory, or a large number where it cannot be known."""
-    try:
-        with open("/proc/meminfo", encoding="ascii") as lines:
-            for line in lines:
-                if line.startswith("MemAvailable:"):
-                    return int(line.split()[1]) * 1024
-    except OSError:
-        pass
-    return 1 << 62

@@ -76,6 +76,7 @@ def _coefficients(values: np.ndarray, chosen: list[np.ndarray]) -> np.ndarray:
         norms = np.linalg.norm(matrix, axis=0)
         solution = np.linalg.lstsq(matrix / norms, values, rcond=None)[0] / norms
         if np.max(np.abs(matrix @ solution - values)) <= _RELATIVE_TOLERANCE * scale:
-            return np.where(np.abs(solution) < 1e-12 * np.max(np.abs(solution)), 0.0, solution)
+            part = np.abs(solution) * norms
+            return np.where(part < 1e-12 * np.max(part), 0.0, solution)
     chosen.append(values)
     return np.concatenate([np.zeros(len(chosen) - 1), [1.0]])

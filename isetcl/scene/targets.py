@@ -180,9 +180,7 @@ def two_planes(
     far_quad = _facing_quad(distances[1], sizes[1], sizes[1], edge_angle_deg)
     return Scene(
         (
-            SceneObject(
-                "near plane", near_quad, pattern(sizes[0], dark) if near is None else near
-            ),
+            SceneObject("near plane", near_quad, pattern(sizes[0], dark) if near is None else near),
             SceneObject("far plane", far_quad, pattern(sizes[1], 1.0) if far is None else far),
         ),
         None,

@@ -11,6 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Shape, Sphere
+from isetcl.scene.texture import Image
+
+COINCIDENT = 8.0 * float(np.finfo(np.float64).eps)
+"""Relative difference of distances below which two surfaces lie in the same place. The earlier
+object is then seen; the kernels have the same rule in their own precision."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +93,53 @@ def nearest_distance_m(
     index = np.full(shape, -1)
     for i, item in enumerate(scene.objects):
         found = intersect(item.shape, origins_m, directions).distance_m
-        closer = found < distance
+        closer = found < distance * (1.0 - COINCIDENT)
         distance = np.where(closer, found, distance)
         index = np.where(closer, i, index)
     return distance, index
+
+
+def outline_points(shape: Shape, origin_m: np.ndarray, count: int) -> np.ndarray:
+    """Points (count, 3) along the outline of a shape as seen from a point; none from inside it."""
+    if isinstance(shape, Sphere):
+        centre = np.array(shape.centre_m)
+        away = centre - origin_m
+        distance2 = float(away @ away)
+        if distance2 <= shape.radius_m**2:
+            return np.zeros((0, 3))
+        share = shape.radius_m**2 / distance2
+        radius = shape.radius_m * np.sqrt(1.0 - share)
+        return _circle(centre - share * away, away / np.sqrt(distance2), radius, count)
+    if isinstance(shape, Disc):
+        normal = np.array(shape.normal) / np.linalg.norm(shape.normal)
+        return _circle(np.array(shape.centre_m), normal, shape.radius_m, count)
+    corner, edge_u, edge_v = (np.array(x) for x in (shape.corner_m, shape.edge_u_m, shape.edge_v_m))
+    corners = np.array([corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v, corner])
+    along = np.linspace(0.0, 4.0, count, endpoint=False)
+    side = along.astype(int)
+    part = (along - side)[:, None]
+    return corners[side] * (1.0 - part) + corners[side + 1] * part
+
+
+def _circle(centre: np.ndarray, normal: np.ndarray, radius: float, count: int) -> np.ndarray:
+    helper = np.eye(3)[int(np.argmin(np.abs(normal)))]
+    first = np.cross(normal, helper)
+    first /= np.linalg.norm(first)
+    second = np.cross(normal, first)
+    turn = np.arange(count) * (2.0 * np.pi / count)
+    return centre + radius * (np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * second)
+
+
+def texels_across(shape: Shape, image: Image, nearest_m: float, angle_rad: float) -> float:
+    """Texels of a shape's picture across a cone of rays of an angle, at a distance in metres."""
+    rows, columns = image.shape
+    if isinstance(shape, Sphere):
+        texel_m = shape.radius_m * np.pi * max(2.0 / columns, 1.0 / rows)
+    else:
+        quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
+        _, axis_u, axis_v = plane_axes(quad)
+        texel_m = max(
+            1.0 / (columns * float(np.linalg.norm(axis_u))),
+            1.0 / (rows * float(np.linalg.norm(axis_v))),
+        )
+    return float(nearest_m * angle_rad / texel_m)

@@ -8,6 +8,7 @@ vergences in dioptres), whatever the eye is focused on.
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -145,7 +146,9 @@ def occlusion_error(
 
 
 def occlusion_strip(
-    vergence_dpt: np.ndarray, pitch_deg: float, entrance_pupil_diameter_mm: float
+    vergence_dpt: np.ndarray,
+    pitch_deg: float | tuple[float, float],
+    entrance_pupil_diameter_mm: float,
 ) -> np.ndarray:
     """Pixels within a |D1 - D2| radians of a depth edge, bool, (rows, columns).
 
@@ -156,23 +159,24 @@ def occlusion_strip(
     vergence_dpt
         Depth map, 1/m, (rows, columns).
     pitch_deg
-        Width of a pixel, degrees.
+        Width of a pixel, degrees, or width and height.
     entrance_pupil_diameter_mm
         Diameter of the entrance pupil, mm.
     """
     from scipy.ndimage import distance_transform_edt
 
-    radius_m = entrance_pupil_diameter_mm / 2.0 / MM_PER_M
-    pixels_per_dpt = radius_m / np.radians(pitch_deg)
+    width, height = (pitch_deg, pitch_deg) if isinstance(pitch_deg, (int, float)) else pitch_deg
+    deg_per_dpt = math.degrees(entrance_pupil_diameter_mm / 2.0 / MM_PER_M)
     reach = np.zeros(vergence_dpt.shape)
-    for axis in (0, 1):
-        jump = np.abs(np.diff(vergence_dpt.astype(np.float64), axis=axis)) * pixels_per_dpt
+    edge = np.zeros(vergence_dpt.shape, dtype=bool)
+    for axis, pitch in ((0, height), (1, width)):
+        jump = np.abs(np.diff(vergence_dpt.astype(np.float64), axis=axis)) * deg_per_dpt
         low = [slice(None), slice(None)]
         high = [slice(None), slice(None)]
         low[axis], high[axis] = slice(None, -1), slice(1, None)
         for side in (tuple(low), tuple(high)):
             reach[side] = np.maximum(reach[side], jump)
-    edge = reach > 0.5
+            edge[side] |= jump > 0.5 * pitch
     if not edge.any():
         return edge
     strip = edge.copy()
@@ -181,7 +185,8 @@ def occlusion_strip(
     for low_limit, high_limit in itertools.pairwise(limits):
         members = edge & (reach > low_limit) & (reach <= high_limit)
         if members.any():
-            strip |= distance_transform_edt(~members) <= reach[members].max() + 0.5
+            distance = distance_transform_edt(~members, sampling=(height, width))
+            strip |= distance <= reach[members].max() + 0.5 * min(width, height)
     return strip
 
 
@@ -227,13 +232,18 @@ def _level(truth: np.ndarray) -> float:
     return float(np.mean(truth[lit], dtype=np.float64)) if np.any(lit) else 0.0
 
 
-def _pitch_deg(image: RetinalImage) -> float:
-    x = image.dataset["x"].values
-    y = image.dataset["y"].values
-    steps = [abs(v[1] - v[0]) for v in (x, y) if len(v) > 1]
-    if not steps:
-        raise InvalidInputError("occlusion_error needs an image of more than one pixel")
-    return float(min(steps))
+def _pitch_deg(image: RetinalImage) -> tuple[float, float]:
+    """Width and height of a pixel; along an axis of one pixel those of the other axis."""
+    steps = [
+        abs(float(v[1] - v[0])) if len(v) > 1 else None
+        for v in (image.dataset["x"].values, image.dataset["y"].values)
+    ]
+    width, height = (own if own is not None else other for own, other in (steps, steps[::-1]))
+    if width is None or height is None:
+        raise InvalidInputError(
+            "occlusion_error needs an image of more than one pixel, got 1 x 1; raise resolution"
+        )
+    return width, height
 
 
 def _check_same_grid(image: RetinalImage, reference: RetinalImage) -> None:

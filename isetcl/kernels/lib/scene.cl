@@ -5,6 +5,13 @@
  */
 #include "lib/real.cl"
 
+/* What is nearer by less than this factor lies in the same place; the earlier shape is then seen. */
+#if DOUBLE_PRECISION
+#define COINCIDENT (1 - 1.8e-15)
+#else
+#define COINCIDENT (1 - 4.8e-7f)
+#endif
+
 /* hitv - the nearest hit so far. */
 typedef struct {
   realv distance;
@@ -73,7 +80,7 @@ INLINE void hit_patch(hitv *hit, constant patch_t *patch, constant material_t *m
     inside = mul_add(a, a, b * b) < R(0.25);
   }
 #endif
-  maskv here = inside & (distance > 0) & (distance < hit->distance);
+  maskv here = inside & (distance > 0) & (distance < hit->distance * COINCIDENT);
   hit_material(hit, materials + patch->material, here, distance, u, v);
 }
 #endif
@@ -128,7 +135,7 @@ INLINE void hit_sphere(hitv *hit, constant sphere_t *sphere, constant material_t
   maskv inside = distance <= 0;
   distance = inside ? nearest + half_chord : distance;
   side = inside ? half_chord : side;
-  maskv here = met & (distance > 0) & (distance < hit->distance);
+  maskv here = met & (distance > 0) & (distance < hit->distance * COINCIDENT);
   realv u = 0, v = 0;
 #if HAS_TEXTURED_SPHERES
   if (materials[sphere->material].kind != MATERIAL_UNIFORM) {
