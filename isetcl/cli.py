@@ -235,13 +235,14 @@ class _StepBar:
         self._task = self._bar.add_task("", total=1.0)
 
     def __enter__(self) -> _StepBar:
-        self._bar.start()
         return self
 
     def __exit__(self, *details: object) -> None:
         self._bar.stop()
 
     def __call__(self, text: str, fraction: float) -> None:
+        # Started late, so that a refusal of the arguments is not preceded by an empty bar.
+        self._bar.start()
         self._bar.update(self._task, completed=fraction, description=text)
 
 

@@ -68,7 +68,7 @@ def write_report(
         figures["error_against_time"] = plots.error_against_time(comparison.trials)
     for name, figure in figures.items():
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=120)
+        figure.savefig(buffer, format="png", dpi=120, bbox_inches="tight")
         pictures[name] = buffer.getvalue()
         written.append(_write(folder / f"{name}.png", pictures[name]))
     record = report_record(comparison, command)
@@ -92,6 +92,7 @@ def report_record(comparison: Comparison, command: str) -> dict[str, Any]:
         "is_complete": comparison.is_complete,
         "build_s": comparison.build_s,
         "total_s": comparison.total_s,
+        "focus_vergence_dpt": comparison.focus_vergence_dpt,
         "trials": [asdict(trial) for trial in comparison.trials],
         "errors": {
             name: {
@@ -167,7 +168,19 @@ table { border-collapse: collapse; } th, td { padding: 0.3em 0.9em; text-align: 
   border-bottom: 1px solid #ddd; } th:first-child, td:first-child { text-align: left; }
 th { font-weight: 600; } pre { background: #f6f6f6; padding: 0.8em; overflow-x: auto;
   font-size: 0.82em; } .lead { color: #444; }
+.wide { overflow-x: auto; }
 """
+
+
+_OUTSIDE = (
+    "<p>Away from depth edges the methods differ from ray tracing because one PSF, that of the "
+    "middle of the image, serves the whole of it, while the eye's own PSF changes over the field "
+    "(coma, and colours that part).</p>"
+)
+_PROFILES = (
+    "Illuminance, and irradiance at three wavelengths, along a line across the depth edge. Shaded: "
+    "within a |D1 - D2| of it."
+)
 
 
 def _page(comparison: Comparison, record: dict[str, Any], pictures: dict[str, bytes]) -> str:
@@ -191,8 +204,11 @@ def _lead(record: dict[str, Any]) -> str:
     """What was rendered, in a line."""
     reference = record["reference"]
     eye, grid = reference["eye"], reference["grid"]
+    focus = record["focus_vergence_dpt"]
+    focused = "" if focus is None else f", focused at {focus:.3g} dpt (550 nm)"
     return (
-        f"{reference['scene']}; {eye['name']} eye, stop {eye['stop']['diameter_mm']:.3g} mm "
+        f"{reference['scene']}; {eye['name']} eye{focused}, "
+        f"stop {eye['stop']['diameter_mm']:.3g} mm "
         f"(entrance pupil {reference['entrance_pupil_diameter_mm']:.3g} mm); "
         f"{grid['resolution'][0]} x {grid['resolution'][1]} pixels over "
         f"{grid['fov_deg'][0]:g} x {grid['fov_deg'][1]:g} deg; "
@@ -227,8 +243,8 @@ def _sections(
             for name in comparison.errors
         )
         sections += [
-            ("Where the PSF methods differ from ray tracing", differences),
-            ("Across the depth edge", figure("profiles", "Illuminance and irradiance.")),
+            ("Where the PSF methods differ from ray tracing", differences + _OUTSIDE),
+            ("Across the depth edge", figure("profiles", _PROFILES)),
         ]
     if comparison.trials:
         caption = (
@@ -252,6 +268,7 @@ def _table(comparison: Comparison) -> str:
         for row in table_rows(comparison)
     )
     return (
-        f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+        f'<div class="wide"><table><thead><tr>{head}</tr></thead>'
+        f"<tbody>{body}</tbody></table></div>"
         "<p>Errors are photopic, root mean square, in % of the mean illuminance.</p>"
     )

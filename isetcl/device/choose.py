@@ -37,9 +37,9 @@ def find_device(wanted: str | None = None) -> Device:
         raise DeviceError(f"no OpenCL device was found; {_HOW_TO_GET_ONE}")
     if wanted is None:
         return selftest.fastest(devices)
-    if not isinstance(wanted, str):
+    if not isinstance(wanted, str) or not wanted.strip():
         raise InvalidInputError(f"device must be a name or an index such as '0:0', got {wanted!r}")
-    needle = wanted.lower()
+    needle = wanted.strip().lower()
     for device in devices:
         if device.index == needle or needle in f"{device.platform} {device.name}".lower():
             selftest.require(device)

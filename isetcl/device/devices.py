@@ -6,7 +6,7 @@ import functools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from isetcl.device import pocl
+from isetcl.device import caches, pocl
 from isetcl.device.layout import Precision
 from isetcl.errors import DeviceError, check_choice
 
@@ -141,6 +141,7 @@ class Device:
 @functools.cache
 def list_devices() -> tuple[Device, ...]:
     """All OpenCL devices of this machine, in the order of their platforms; may be empty."""
+    caches.make_writable()
     import pyopencl as cl
 
     try:

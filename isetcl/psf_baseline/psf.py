@@ -12,7 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_positive
+from isetcl.errors import (
+    InvalidInputError,
+    check_finite,
+    check_pair,
+    check_positive,
+    check_type,
+)
 from isetcl.eye import paraxial
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye
@@ -68,6 +74,8 @@ def geometric_psf(
 
     Parameters
     ----------
+    wavelength_nm
+        Wavelength, nm.
     vergence_dpt
         1/(distance along the axis from the corneal vertex), 1/m; 0 is infinity.
     pitch_deg
@@ -80,7 +88,11 @@ def geometric_psf(
     InvalidInputError
         If the point lies in or behind the eye, or the blur needs more than 4096 samples across.
     """
+    check_type("eye", eye, Eye)
+    check_positive("wavelength_nm", wavelength_nm, "nm")
     check_positive("pitch_deg", pitch_deg, "deg")
+    check_finite("vergence_dpt", vergence_dpt, "dpt")
+    field_deg = check_pair("field_deg", field_deg, "deg")
     if not 0.0 <= vergence_dpt < MM_PER_M / _CORNEA_CLEARANCE_MM:
         raise InvalidInputError(
             f"vergence_dpt must lie between 0 and {MM_PER_M / _CORNEA_CLEARANCE_MM:g} dpt (the "

@@ -29,8 +29,8 @@ MAX_LAYERS = 512
 _ROWS_AT_ONCE = 64
 _RAYS_AT_ONCE = 1 << 17
 _EDGE_CONTRAST = 0.1
-_THICK_SAMPLES = 4.0  # objects at least so thick are found by the differences of samples
-_RAYS_ACROSS_OBJECT = 12
+_THICK_SAMPLES = 16.0  # objects at least so thick are found by the differences of samples
+_RAYS_ACROSS_OBJECT = 48
 _MAX_REFINEMENT = 128
 
 
@@ -284,7 +284,7 @@ def _mark_outline(
     inside = (column >= 0) & (column < columns) & (row >= 0) & (row < rows)
     if not inside.any():
         return
-    if thickness * _MAX_REFINEMENT < _RAYS_ACROSS_OBJECT / 4.0:
+    if thickness * _MAX_REFINEMENT < _RAYS_ACROSS_OBJECT / 16.0:
         raise InvalidInputError(
             f"object {item.name!r} is {thickness:.2g} samples of the view across, too small for "
             "PSF methods; make it larger and dimmer, use smaller pixels or more oversampling"

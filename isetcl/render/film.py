@@ -62,6 +62,17 @@ class Film:
         """Samples a pixel and band that all tiles have."""
         return min(a.samples for a in self._accumulators)
 
+    @property
+    def pixels(self) -> int:
+        """Pixels of the image."""
+        return math.prod(self._plan.grid.shape)
+
+    @property
+    def is_dark(self) -> bool:
+        """Whether the scene sends out light of which no sample has found any."""
+        has_light = bool(np.any(self._plan.basis.spectra))
+        return has_light and not any(a.film().any() for a in self._accumulators)
+
     def add_replicate(self, samples: int) -> Iterator[float]:
         """Add a replicate to all tiles; yields the fraction done after each launch."""
         stream = sobol.stream(self._seed, self._next_replicate)
@@ -143,6 +154,7 @@ class Film:
             "seed": self._seed,
             "samples_per_pixel": self.samples,
             "replicates": self.replicates,
+            "chromatic_displacement_pixels": prepared.band_choice.displacement_pixels,
             "bands_nm": [band.wavelength_nm for band in prepared.band_choice.bands],
             "precision": prepared.config.precision,
             "tile": list(prepared.tile),

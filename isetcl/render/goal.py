@@ -48,13 +48,24 @@ class Goal:
 
     def work(self, film: Film) -> Iterator[float]:
         """Add replicates until the goal is met; yields the fraction done."""
-        if self._spp is not None:
-            done = 0
-            for size in schedule.split(self._spp):
-                for part in film.add_replicate(size):
-                    yield (done + part * size) / self._spp
-                done += size
+        if self._spp is None:
+            yield from self._pilot(film)
             return
+        sizes = schedule.split(self._spp)
+        if sizes[0] >= schedule.LONG_REPLICATE_SPP:
+            # So that an early Ctrl-C finds an image with an error.
+            for _ in range(schedule.PILOT_REPLICATES):
+                for _part in film.add_replicate(schedule.MIN_REPLICATE_SPP):
+                    yield 0.0
+            film.restart()
+        done = 0
+        for size in sizes:
+            for part in film.add_replicate(size):
+                yield (done + part * size) / self._spp
+            done += size
+
+    def _pilot(self, film: Film) -> Iterator[float]:
+        """A first estimate of the error, then as much more as it shows to be needed."""
         size = schedule.MIN_REPLICATE_SPP
         if self._deadline < math.inf:
             remaining = self._deadline - time.perf_counter()
@@ -63,21 +74,25 @@ class Goal:
         for i in range(schedule.PILOT_REPLICATES):
             for part in film.add_replicate(size):
                 yield 0.05 * (i + part) / schedule.PILOT_REPLICATES
-        yield from self._continue(film, size)
+        if size >= schedule.MIN_REPLICATE_SPP and not self._is_met(film):
+            yield from self._continue(film, size)
 
     def _continue(self, film: Film, size: int) -> Iterator[float]:
         """Go on after the pilot, with longer replicates if many samples are needed."""
         pilot_error = film.error()
-        if pilot_error <= self._target or size < schedule.MIN_REPLICATE_SPP:
-            return
         per_sample = film.seconds_per_sample()
         needed = float(MAX_SPP)
-        if self._target > 0:
+        if film.is_dark:
+            needed = float(schedule.DARK_SPP)
+        elif self._target > 0:
             needed = schedule.samples_for_error(film.samples, pilot_error, self._target)
         if self._deadline < math.inf:
             remaining = self._deadline - time.perf_counter()
             needed = min(needed, film.samples + remaining / per_sample)
-        longer = min(schedule.replicate_size_for(needed), MAX_SPP // schedule.MAX_REPLICATES)
+        replicates = schedule.replicates_for(film.pixels)
+        longer = min(
+            schedule.replicate_size_for(needed, replicates), MAX_SPP // schedule.MAX_REPLICATES
+        )
         if longer > size * schedule.PILOT_REPLICATES:
             # Equal replicates make the standard error exact; the pilot is a small part of the work.
             film.restart()
@@ -94,4 +109,11 @@ class Goal:
             return False
         if time.perf_counter() + replicate_s > self._deadline:
             return True
-        return film.error() <= self._target
+        return self._is_met(film)
+
+    def _is_met(self, film: Film) -> bool:
+        """Whether the error is small enough, and known well enough to say so."""
+        if film.is_dark:
+            return self._target > 0 and film.samples >= schedule.DARK_SPP
+        enough = film.replicates >= schedule.replicates_for(film.pixels)
+        return enough and film.error() <= self._target

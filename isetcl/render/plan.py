@@ -27,7 +27,7 @@ from isetcl.render.kernel_config import KernelConfig
 from isetcl.retina.bands import BandChoice, choose_bands
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
-from isetcl.scene.model import Disc, Scene, Sphere
+from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
 from isetcl.scene.view import intersect, texels_across
 from isetcl.spectrum import check_wavelengths, default_wavelengths_nm
@@ -35,6 +35,8 @@ from isetcl.units import MM_PER_M
 
 PACKING_ERROR = 3e-4
 """Largest root-mean-square error of an 11-11-10 texel (blue, 1/1023/sqrt(12)), of its maximum."""
+
+_SPHERE_ROUNDING = 2.4e-7  # of the radius: four roundings of its square
 
 _TILE_FILM_BYTES = 4 << 20
 _TEXELS_PER_FOOTPRINT = 4
@@ -130,7 +132,8 @@ def plan(
     Parameters
     ----------
     expected_error
-        Relative error the image will have; decides whether packed textures are harmless.
+        Relative error the image will have; decides how many bands are needed and whether packed
+        textures are harmless.
 
     Raises
     ------
@@ -147,8 +150,8 @@ def plan(
     basis = spectral_basis(scene, wavelengths)
     chosen_device = find_device(device)
     notes: list[Decision] = []
-    resolved = _decide_precision(precision, chosen_device, grid, notes)
-    choice = _decide_bands(eye, grid, wavelengths, bands, notes)
+    resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
+    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, notes)
     pupils = tuple(
         exit_pupil_bound(eye, band.wavelength_nm, grid.field_map, grid.limit_deg)
         for band in choice.bands
@@ -180,17 +183,34 @@ def plan(
 
 
 def _decide_precision(
-    precision: Precision | Literal["auto"], device: Device, grid: RetinalGrid, notes: list[Decision]
+    precision: Precision | Literal["auto"],
+    device: Device,
+    scene: Scene,
+    grid: RetinalGrid,
+    notes: list[Decision],
 ) -> Precision:
-    check_choice("precision", precision, ("auto", "single", "double"))
-    if precision == "auto":
-        pixel_um = 1000.0 * min(grid.pitch_deg) * float(grid.field_map.mm_per_deg(0.0))
-        reason = f"rounding moves rays by 0.005 um at most, a pixel is {pixel_um:.3g} um wide"
-        notes.append(Decision("precision", "single", reason))
-        return "single"
-    device.check_precision(precision)
-    notes.append(Decision("precision", precision, "asked for"))
-    return precision
+    check_choice("precision", precision, ("single", "double", "auto"))
+    if precision != "auto":
+        device.check_precision(precision)
+        notes.append(Decision("precision", precision, "asked for"))
+        return precision
+    huge = [item.name for item in scene.objects if _is_huge(item.shape)]
+    if huge and device.has_double:
+        reason = f"single would displace the surface of {huge[0]!r} by 1e-4 of its distance"
+        notes.append(Decision("precision", "double", reason))
+        return "double"
+    pixel_um = 1000.0 * min(grid.pitch_deg) * float(grid.field_map.mm_per_deg(0.0))
+    reason = f"rounding moves rays by 0.005 um at most, a pixel is {pixel_um:.3g} um wide"
+    notes.append(Decision("precision", "single", reason))
+    return "single"
+
+
+def _is_huge(shape: Shape) -> bool:
+    """Whether rounding to single moves a sphere's surface by 1e-4 of its distance from the eye."""
+    if not isinstance(shape, Sphere):
+        return False
+    distance = abs(float(np.linalg.norm(shape.centre_m)) - shape.radius_m)
+    return shape.radius_m * _SPHERE_ROUNDING > 1e-4 * distance
 
 
 def _decide_bands(
@@ -198,9 +218,10 @@ def _decide_bands(
     grid: RetinalGrid,
     wavelengths_nm: np.ndarray,
     bands: int | Literal["auto"],
+    expected_error: float,
     notes: list[Decision],
 ) -> BandChoice:
-    choice = choose_bands(eye, grid, wavelengths_nm, bands)
+    choice = choose_bands(eye, grid, wavelengths_nm, bands, expected_error)
     count = len(choice.bands)
     if len(wavelengths_nm) == 1:
         reason = "the image has one wavelength"

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
+from isetcl.errors import InvalidInputError
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -103,6 +105,8 @@ def display(wanted: bool | ProgressCallback | None, title: str) -> ProgressBar |
     """The display for the `progress` argument of `render`; None is a bar on a terminal."""
     if callable(wanted):
         return Calls(wanted)
+    if wanted is not None and not isinstance(wanted, bool):
+        raise InvalidInputError(f"progress must be True, False, None or a function, got {wanted!r}")
     if wanted or (wanted is None and sys.stderr.isatty()):
         return ProgressBar(title)
     return Silence()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from typing import Literal
 
 import numpy as np
@@ -58,7 +59,8 @@ def render(
         Stop after about so many seconds, preparation included.
     target_error
         Stop when the relative standard error of the image has fallen to this: photopic, root mean
-        square over lit pixels divided by their mean.
+        square over lit pixels divided by their mean. ``bands="auto"`` takes as many bands as keep
+        their part of the error small beside it; a number of bands is taken as it is.
     wavelengths_nm
         Ascending wavelengths; default 400 to 700 in steps of 10 nm.
     bands
@@ -113,6 +115,12 @@ def render(
             if not film.keep_finished():
                 raise
             is_complete = False
+    if film.is_dark:
+        warnings.warn(
+            f"no light of scene {scene.name!r} was found in {film.samples} samples a pixel: it may "
+            "be out of sight, or too small; the image is black and its error says nothing",
+            stacklevel=2,
+        )
     return film.image(
         {
             "is_complete": is_complete,

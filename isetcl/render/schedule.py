@@ -13,6 +13,14 @@ MIN_REPLICATE_SPP = 32
 MAX_REPLICATES = 8
 PILOT_REPLICATES = 2
 
+LONG_REPLICATE_SPP = 256
+"""Replicates from this length on are preceded by a short pilot."""
+
+DARK_SPP = 1024
+"""Samples a pixel after which a `target_error` gives up on an image without any light."""
+
+_DEGREES_OF_FREEDOM = 32
+
 _ERROR_EXPONENT = 0.6
 """Measured fall of the error with samples on scenes with edges: N^-0.6."""
 
@@ -24,9 +32,18 @@ def split(spp: int) -> list[int]:
     return [size + (i < rest) for i in range(replicates)]
 
 
-def replicate_size_for(spp: float) -> int:
+def replicates_for(pixels: int) -> int:
+    """Replicates before the error of an image may be trusted to stop a render.
+
+    The error is a mean over pixels of variances that have one degree of freedom less than there are
+    replicates; of a few pixels a small one may be luck.
+    """
+    return max(PILOT_REPLICATES, 1 + math.ceil(_DEGREES_OF_FREEDOM / pixels))
+
+
+def replicate_size_for(spp: float, replicates: int = MAX_REPLICATES) -> int:
     """Size of equal replicates for a render expected to need `spp` samples a pixel."""
-    return max(MIN_REPLICATE_SPP, math.ceil(spp / MAX_REPLICATES))
+    return max(MIN_REPLICATE_SPP, math.ceil(spp / max(replicates, MAX_REPLICATES)))
 
 
 def samples_for_error(spp: int, error: float, target: float) -> float:

@@ -9,7 +9,13 @@ import numpy as np
 from isetcl.device.choose import find_device
 from isetcl.device.layout import Precision
 from isetcl.device.tracer import RayTracer, has_conics, travel_order
-from isetcl.errors import InvalidInputError, check_choice, check_vectors
+from isetcl.errors import (
+    InvalidInputError,
+    check_array,
+    check_choice,
+    check_type,
+    check_vectors,
+)
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import elements
 from isetcl.eye.rays import RayBundle, RayStatus
@@ -64,7 +70,9 @@ def trace_rays(
     DeviceError
         If there is no device, or it lacks float64.
     """
+    check_type("eye", eye, Eye)
     check_choice("towards", towards, ("retina", "scene"))
+    check_type("record_hits", record_hits, bool)
     check_choice("precision", precision, ("single", "double"))
     origins, unit, bad = _prepare(origins_mm, directions)
     wavelengths = _wavelength_per_ray(wavelength_nm, len(origins))
@@ -110,7 +118,7 @@ def _prepare(
 
 
 def _wavelength_per_ray(wavelength_nm: np.ndarray | float, count: int) -> np.ndarray:
-    wavelengths = np.asarray(wavelength_nm, dtype=np.float64)
+    wavelengths = check_array("wavelength_nm", wavelength_nm)
     if wavelengths.ndim > 1 or wavelengths.size not in (1, count):
         raise InvalidInputError(
             f"wavelength_nm must be one number or one per ray ({count}), "

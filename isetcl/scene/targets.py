@@ -184,7 +184,7 @@ def two_planes(
             SceneObject("far plane", far_quad, pattern(sizes[1], 1.0) if far is None else far),
         ),
         None,
-        "two planes",
+        f"two planes at {distances[0]:g} and {distances[1]:g} m",
     )
 
 

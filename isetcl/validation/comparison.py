@@ -12,9 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from isetcl import psf_baseline
-from isetcl.errors import InvalidInputError
+from isetcl.errors import FocusError, InvalidInputError, check_choice, check_count, check_type
 from isetcl.eye.model import Eye
-from isetcl.render.plan import plan
+from isetcl.memory import check_memory
+from isetcl.render.plan import Plan, plan
 from isetcl.render.progress import Progress
 from isetcl.render.render import render
 from isetcl.retina.image import RetinalImage
@@ -23,6 +24,9 @@ from isetcl.validation.occlusion import OcclusionError, occlusion_error
 
 DEFAULT_SAMPLES = (4, 16, 64, 256)
 REFERENCE_SEED_OFFSET = 1_000_003
+
+_MAX_SEED = (1 << 63) - 1
+_OPTIONS = ("centre_deg", "wavelengths_nm")
 
 StepCallback = Callable[[str, float], None]
 
@@ -69,6 +73,8 @@ class Comparison:
         By PSF method, against the reference.
     trials : tuple of Trial
         Every method and sample count.
+    focus_vergence_dpt : float or None
+        Where the eye is focused, 1/m; None if that cannot be told.
     plan_text : str
         What the ray tracer compiled in, and why.
     build_s : float
@@ -83,6 +89,7 @@ class Comparison:
     images: dict[str, RetinalImage]
     errors: dict[str, OcclusionError]
     trials: tuple[Trial, ...]
+    focus_vergence_dpt: float | None
     plan_text: str
     build_s: float
     total_s: float
@@ -115,6 +122,8 @@ def compare(
         Samples a pixel of the ray-traced trials.
     reference_spp
         Samples a pixel of the reference.
+    seed
+        Of the trials; the reference takes another.
     on_step
         Called with what is being done and the fraction done.
     options
@@ -128,18 +137,23 @@ def compare(
         If interrupted before there is a reference.
     """
     start = time.perf_counter()
-    if reference_spp < 2 * max(samples, default=1):
-        raise InvalidInputError(
-            f"reference_spp must be at least twice the largest sample count ({max(samples)}), "
-            f"got {reference_spp}"
-        )
-    for name in methods:
-        if name not in psf_baseline.methods():
-            psf_baseline.render(scene, eye, method=name)
+    for name in options:
+        check_choice("option of compare", name, _OPTIONS)
+    methods, samples = _checked_work(methods, samples, reference_spp)
+    seed = check_count("seed", seed, 0, _MAX_SEED - REFERENCE_SEED_OFFSET)
+    if on_step is not None and not callable(on_step):
+        raise InvalidInputError(f"on_step must be a function or None, got {on_step!r}")
     where: dict[str, Any] = {"fov_deg": fov_deg, "resolution": resolution, **options}
+    planned = plan(scene, eye, device=device, expected_error=1e-3, **where)
+    if min(planned.grid.resolution) < 2:
+        raise InvalidInputError(
+            "resolution must be at least 2 pixels each way, so that there are edges to compare "
+            f"at, got {planned.grid.resolution[0]} x {planned.grid.resolution[1]}"
+        )
+    _check_comparison_memory(planned, len(methods))
+    explained = planned.explain()
     steps = _Steps(on_step, [*samples, reference_spp], len(methods))
     steps.say("preparing")
-    explained = plan(scene, eye, device=device, expected_error=1e-3, **where).explain()
     render(scene, eye, spp=2, seed=seed, device=device, progress=False, **where)
     build_s = time.perf_counter() - start
 
@@ -171,10 +185,48 @@ def compare(
         images,
         errors,
         tuple(trials),
+        _focus_vergence_dpt(eye),
         explained,
         build_s,
         time.perf_counter() - start,
         is_complete,
+    )
+
+
+def _focus_vergence_dpt(eye: Eye) -> float | None:
+    try:
+        return eye.focus_vergence_dpt()
+    except FocusError:
+        return None
+
+
+def _checked_work(
+    methods: Sequence[str], samples: Sequence[int], reference_spp: int
+) -> tuple[list[str], list[int]]:
+    """Names of methods and ascending numbers of samples, refused if there are none such."""
+    check_type("methods", methods, (list, tuple))
+    check_type("samples", samples, (list, tuple))
+    names = [check_choice("method", name, psf_baseline.methods()) for name in methods]
+    counts = sorted(check_count("samples", spp, 2) for spp in samples)
+    largest = max(counts, default=1)
+    if check_count("reference_spp", reference_spp, 2) < 2 * largest:
+        raise InvalidInputError(
+            f"reference_spp must be at least twice the largest sample count ({largest}), got "
+            f"{reference_spp}"
+        )
+    return names, counts
+
+
+def _check_comparison_memory(planned: Plan, n_methods: int) -> None:
+    """Refuse a comparison whose images and differences do not fit into memory."""
+    columns, rows = planned.grid.resolution
+    images = 2 + n_methods
+    per_pixel = 8 * len(planned.wavelengths_nm) * (images + 3 * n_methods)
+    check_memory(
+        f"comparing {n_methods} methods at {columns} x {rows} pixels and "
+        f"{len(planned.wavelengths_nm)} wavelengths",
+        columns * rows * per_pixel,
+        lambda share: f"about {int(columns * share)} x {int(rows * share)} pixels would fit",
     )
 
 
