@@ -161,3 +161,59 @@ def test_ctrl_c_before_there_is_anything_says_so(tmp_path, monkeypatch, capsys):
     assert stopped.value.code == 130
     assert "before there was a report" in capsys.readouterr().err
     assert not list(tmp_path.glob("**/*.nc"))
+
+
+def test_accommodation_may_be_given_in_words():
+    from isetcl.cli import _model_eye
+
+    for word, v in (("near", 2.0), ("far", 0.8), ("1.5", 1.5)):
+        assert _model_eye("navarro", 4.0, word, 0.5, 1.25).focus_vergence_dpt() == pytest.approx(
+            v, abs=1e-5
+        )
+
+
+def test_defaults_depend_on_photographs_and_samples():
+    from isetcl.cli import _field, _trial_samples
+
+    assert (_field(None, False), _field(None, True), _field(3.0, True)) == (2.0, 8.0, 3.0)
+    assert _trial_samples(256) == [4, 16, 64, 256]
+    assert _trial_samples(8) == [2, 8]
+
+
+def test_without_photographs_the_scene_is_figure_12():
+    from isetcl.cli import _two_planes
+
+    scene, angle, white = _two_planes(None, None, 0.5, 2.0, 2.0)
+    assert (angle, white) == (45.0, "E")
+    assert [item.shape.corner_m[2] for item in scene.objects] == [-0.5, -2.0]
+
+
+def test_the_command_passes_its_options_on(monkeypatch, tmp_path):
+    from isetcl import cli, validation
+
+    seen = {}
+
+    def stop(scene, eye, **options):
+        seen.update(options)
+        raise ic.InvalidInputError("enough")
+
+    monkeypatch.setattr(validation, "compare", stop)
+    monkeypatch.setattr(
+        sys,
+        "argv",
+        [
+            "isetcl",
+            "compare",
+            *["--seed", "7", "--spp", "64", "--size", "50", "--fov", "3", "-o"],
+            str(tmp_path / "o"),
+        ],
+    )
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert (seen["seed"], seen["reference_spp"], seen["resolution"], seen["fov_deg"]) == (
+        7,
+        256,
+        50,
+        3.0,
+    )
+    assert seen["samples"] == [4, 16, 64]

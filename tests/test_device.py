@@ -262,3 +262,31 @@ def test_no_opencl_platform_at_all_is_a_clear_error(tmp_path):
         check=False,
     )
     assert "no OpenCL device was found; install PoCL" in result.stderr
+
+
+def test_a_record_is_not_used_for_another_driver(device, monkeypatch):
+    from isetcl.device import selftest
+
+    key = selftest._record_key(device, "single")
+    assert key != selftest._record_key(device, "double")
+    described = device.describe()
+    monkeypatch.setattr(type(device), "describe", lambda self: described | {"driver": "other"})
+    assert selftest._record_key(device, "single") != key
+    monkeypatch.undo()
+    monkeypatch.setattr(selftest, "declarations", lambda: "/* changed */")
+    assert selftest._record_key(device, "single") != key
+
+
+def test_division_is_asked_to_be_rounded(device):
+    import pyopencl as cl
+
+    if device.raw.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT:
+        assert "-cl-fp32-correctly-rounded-divide-sqrt" in device.build_options
+
+
+def test_wrong_rays_by_a_micrometre_are_refused(device, tmp_path, monkeypatch):
+    from isetcl.device import selftest
+
+    monkeypatch.setattr(selftest, "records_path", lambda: tmp_path / "s.json")
+    monkeypatch.setattr(selftest, "reference_ray_error_mm", lambda *_: 2e-5)
+    assert not selftest.run(device, "single").passed

@@ -212,3 +212,9 @@ def test_the_direction_numbers_are_joe_and_kuo_s():
                 if index >> bit & 1:
                     digits ^= int(table[dimension, bit])
             assert int(f"{digits:032b}"[::-1], 2) == int(words[index])
+
+
+def test_seeds_beyond_32_bits_differ():
+    from isetcl.render.sobol import stream
+
+    assert len({stream(s << 32, 0) for s in range(64)}) == 64

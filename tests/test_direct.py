@@ -236,3 +236,31 @@ def test_scaling_a_distant_scene_leaves_directions_alone(scale, precision):
         precision=precision,
     )
     np.testing.assert_allclose(image.irradiance, background.irradiance, rtol=1e-6)
+
+
+def test_launches_continue_the_sequence():
+    from isetcl.render.direct import DirectPipeline, Tile
+
+    pipeline = DirectPipeline(
+        ic.plan(
+            ic.scenes.two_planes(), ic.eyes.navarro(), resolution=8, bands=2, precision="double"
+        )
+    )
+    tile = Tile(0, 0, 8, 8)
+    parts = [pipeline._launch(tile, first, 16, 32, 3) for first in (0, 16)]
+    np.testing.assert_allclose(
+        pipeline._launch(tile, 0, 32, 32, 3), (parts[0] + parts[1]) / 2, rtol=1e-12
+    )
+
+
+def test_texture_edges_repeat_the_last_texel():
+    # Bright left, dark right column: without a repeated border the right edge would be bright.
+    texels = np.zeros((4, 4))
+    texels[:, 0] = 1.0
+    picture = ic.Image(texels)
+    scene = ic.scenes.image_plane(picture, 1.0, 4.0)
+    image = ic.render(
+        scene, ic.eyes.navarro(0.5), fov_deg=4.0, resolution=32, spp=16, wavelengths_nm=[550.0]
+    )
+    row = image.irradiance.values[0, 16]
+    assert row[-3] < 1e-3 * row[3]

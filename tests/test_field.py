@@ -95,3 +95,8 @@ def test_transverse_chromatic_aberration_agrees_with_an_independent_tracer():
         shift_mm = blue.arc_mm(field) - red.arc_mm(field)
         arcmin = 60.0 * shift_mm / float(eye.field_map(550.0).mm_per_deg(field))
         assert abs(arcmin) == pytest.approx(expected, rel=0.02)
+
+
+def test_arcs_beyond_the_last_chief_ray_are_refused():
+    with pytest.raises(ic.InvalidInputError, match="arc_mm must lie within"):
+        ic.eyes.navarro().field_map(550.0).field_deg(25.0)

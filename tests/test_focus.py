@@ -1,5 +1,7 @@
 """The focus solver against Zemax and against definitions."""
 
+import math
+
 import numpy as np
 import pytest
 from oracles import peers_eye, reduced_eye
@@ -98,3 +100,18 @@ def test_holding_the_axial_length_keeps_it_and_holding_the_vitreous_does_not():
     kept = ic.eyes.navarro(4.0, accommodation_parameter=5.0, hold="axial_length")
     assert kept.axial_length_mm == 23.9203
     assert grown.axial_length_mm == pytest.approx(23.9203 + 0.05 * np.log(6.0), abs=1e-12)
+
+
+def test_the_spot_weighs_rays_by_solid_angle():
+    from isetcl.eye.focus import rms_spot_mm
+    from isetcl.eye.sequential import trace
+
+    eye = ic.eyes.navarro(5.0)
+    # isotropic point 10 mm in front of the cornea: equal steps of cos(theta) are equal solid angles
+    cosine = np.linspace(math.cos(math.radians(16.0)), 1.0, 40001)[:-1]
+    d = np.stack([0 * cosine, np.sqrt(1 - cosine**2), cosine], axis=1)
+    rays = trace(eye, np.broadcast_to([0.0, 0.0, -10.0], d.shape), d, 550.0)
+    assert rays.status.max() == ic.RayStatus.STOPPED
+    assert rays.passed.sum() > 10000
+    expected = math.sqrt(np.mean(rays.positions_mm[rays.passed, 1] ** 2))
+    assert rms_spot_mm(eye, 100.0, 550.0) == pytest.approx(expected, rel=1e-3)

@@ -219,3 +219,50 @@ def test_the_profile_crosses_the_edge_at_zero(comparison):
     # The near plane's bright check at the left falls to the blurred far plane at the edge.
     steepest = x[np.argmax(np.abs(np.gradient(y)))]
     assert abs(steepest) < 3.0
+
+
+def test_the_table_gives_errors_in_percent_by_region():
+    from types import SimpleNamespace
+
+    from isetcl.report import table_rows
+    from isetcl.validation import Trial
+
+    rows = table_rows(
+        SimpleNamespace(trials=(Trial("ray tracing", 8, 1.5, 0.01, 0.02, 0.03, 0.0),))
+    )
+    assert rows == [("ray tracing", "8", "1.50", "1.00", "2.00", "3.00")]
+
+
+def test_difference_map_is_method_minus_reference_in_percent():
+    from isetcl import plots
+    from isetcl.validation import occlusion_error
+
+    off = np.ones((24, 60))
+    off[:, 28:32] += 0.2
+    truth = image(1.0)
+    figure = plots.difference_maps("layered_sum", occlusion_error(image(off), truth), truth)
+    shown = figure.axes[0].images[0].get_array()
+    assert shown[0, 30] == pytest.approx(20.0)
+
+
+def test_horizontal_edges_have_the_same_strip():
+    from isetcl.validation import occlusion_strip
+
+    depth = np.full((40, 100), 0.5)
+    depth[:, :37] = 2.0
+    np.testing.assert_array_equal(
+        occlusion_strip(depth.T, 0.01, 4.0), occlusion_strip(depth, 0.01, 4.0).T
+    )
+
+
+def test_profiles_cross_the_edge_at_right_angles():
+    from isetcl.plots import _line_across
+
+    x = np.arange(-10.0, 11.0)
+    y = -x
+    # Turned anticlockwise by 30 deg: the normal is (cos 30, sin 30), along it (-sin 30, cos 30).
+    position, (rows, columns) = _line_across(x, y, 30.0, 2.0)
+    px, py = columns - 10.0, 10.0 - rows
+    c, s = np.sqrt(3) / 2, 0.5
+    np.testing.assert_allclose(px, c * position - s * 2.0, atol=1e-12)
+    np.testing.assert_allclose(py, s * position + c * 2.0, atol=1e-12)

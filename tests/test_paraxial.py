@@ -147,3 +147,36 @@ def test_longitudinal_chromatic_aberration_agrees_with_an_independent_tracer(nam
     reference = object_vergence_dpt(eye, 589.3)
     assert reference - object_vergence_dpt(eye, 400.0) == pytest.approx(blue, abs=0.012)
     assert reference - object_vergence_dpt(eye, 700.0) == pytest.approx(red, abs=0.012)
+
+
+def test_an_eye_under_water():
+    # Power (n2 - n1) / R; object at 1/V metres: n1 V = P - n2 / L.  E = pi (n2 / n1)^2 sin^2.
+    n1, n2, radius, length = 1.333, 1.5, 3.0, 22.0
+    medium, water = ic.Medium("m", ic.ConstantIndex(n2)), ic.Medium("w", ic.ConstantIndex(n1))
+    surface = ic.Surface.from_radius(
+        "s", 0.0, radius, conic=-((n1 / n2) ** 2), semi_diameter_mm=2.5, medium_after=medium
+    )
+    eye = ic.Eye(
+        "diver", (surface,), ic.Stop(0.0, 2.0), ic.Retina.from_radius(length, -12.0), water
+    )
+    power = 1000 * (n2 - n1) / radius
+    assert eye.focus_vergence_dpt(550.0, "paraxial") == pytest.approx(
+        (power - 1000 * n2 / length) / n1
+    )
+
+
+def test_entrance_pupil_under_water():
+    # thin lens-less check: stop 3 mm behind a surface of radius 8 between n1 and n2
+    n1, n2, d, r = 1.2, 1.5, 3.0, 8.0
+    s1 = ic.Surface.from_radius(
+        "a", 0.0, r, semi_diameter_mm=4.0, medium_after=ic.Medium("m", ic.ConstantIndex(n2))
+    )
+    eye = ic.Eye(
+        "e",
+        (s1,),
+        ic.Stop(d, 2.0),
+        ic.Retina.from_radius(24.0, -12.0),
+        ic.Medium("w", ic.ConstantIndex(n1)),
+    )
+    # light from the stop towards the scene: n1 / z = n2 / d - (n2 - n1) / r
+    assert eye.entrance_pupil(550.0).z_mm == pytest.approx(n1 / (n2 / d - (n2 - n1) / r))

@@ -1,6 +1,7 @@
 """Plans: what is compiled in, with reasons; bands; grids; memory."""
 
 import dataclasses
+import math
 
 import numpy as np
 import pytest
@@ -201,3 +202,79 @@ def test_the_polynomials_of_a_grid_are_its_chief_rays():
         np.testing.assert_allclose(
             poly(g * g, depth) + grid.eye.retina.vertex_z_mm, point[:, 2], atol=2e-8
         )
+
+
+def test_displacement_is_the_published_chromatic_aberration():
+    from isetcl.retina.bands import choose_bands
+
+    # transverse: 2.387 arcmin at 5 deg between 430 and 770 nm; half of it to either side
+    eye = ic.eyes.navarro(0.01)
+    grid = ic.RetinalGrid.of(eye, 5.0 * math.sqrt(2.0), 100)
+    found = choose_bands(eye, grid, np.array([430.0, 770.0]), 1)
+    assert 2 * found.displacement_pixels * 60 * grid.pitch_deg[0] == pytest.approx(2.387, rel=0.03)
+    # longitudinal: 2.466 dpt between 400 and 700 nm times the radius of the entrance pupil
+    eye = ic.eyes.navarro(4.0)
+    grid = ic.RetinalGrid.of(eye, 0.01, 4)
+    found = choose_bands(eye, grid, np.array([400.0, 700.0]), 1)
+    angle = 2 * found.displacement_pixels * math.radians(grid.pitch_deg[0])
+    assert angle == pytest.approx(2.466 * 2.0e-3 * 1.1334, rel=0.012)
+
+
+def test_band_wavelength_is_its_mean():
+    from isetcl.retina.bands import choose_bands
+
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 2.0, 64)
+    w = np.arange(400.0, 701.0, 10.0)
+    (band,) = choose_bands(grid.eye, grid, w, 1).bands
+    assert band.wavelength_nm == pytest.approx(550.0)
+
+
+def test_a_band_s_wavelengths_have_their_own_throughput():
+    from isetcl.eye.throughput import axial_irradiance_per_radiance as axial
+
+    eye = ic.eyes.navarro(3.0)
+    w = np.array([400.0, 550.0, 700.0])
+    image = ic.render(
+        ic.scenes.uniform(100.0),
+        eye,
+        fov_deg=0.05,
+        resolution=4,
+        spp=512,
+        bands=1,
+        wavelengths_nm=w,
+    )
+    got = image.irradiance.values.mean(axis=(1, 2)) / ic.Spectrum.equal_energy(100.0).at(w)
+    assert got == pytest.approx([axial(eye, x) for x in w], rel=1e-3)
+
+
+def test_a_picture_on_a_sphere_is_halved_by_its_own_texel():
+    picture = ic.Image(np.random.default_rng(0).random((1024, 2048)))
+    ball = ic.Sphere((0, 0, -2.0), 1.0)
+    scene = ic.Scene(
+        (ic.SceneObject("ball", ball, ic.Emission(ic.Spectrum.equal_energy(100.0), picture)),)
+    )
+    plan = ic.plan(scene, ic.eyes.navarro(), fov_deg=10.0, resolution=16)
+    # pixel 0.625 deg at 1 m: 10.9 mm; texel pi / 1024: 3.07 mm; 3.6 texels: kept
+    assert plan.images[0].shape == (1024, 2048)
+    plan = ic.plan(scene, ic.eyes.navarro(), fov_deg=10.0, resolution=4)
+    # 14.2 texels: 1/2 leaves 7, 1/4 would leave 3.6
+    assert plan.images[0].shape == (512, 1024)
+
+
+def test_the_memory_estimate_covers_the_arrays():
+    from isetcl.render.plan import bytes_per_pixel
+
+    plan = ic.plan(ic.scenes.uniform(), ic.eyes.navarro(), resolution=8, bands=4)
+    # float64 film sums, tracked squares, float32 irradiance and error
+    assert bytes_per_pixel(plan) >= 4 * 8 + 5 * 8 + 31 * 2 * 4
+
+
+def test_each_feature_has_its_own_define(device):
+    from isetcl.render.kernel_config import KernelConfig
+
+    base = KernelConfig("single", 1)
+    for field in dataclasses.fields(base):
+        if field.name.startswith(("has_", "is_")):
+            other = dataclasses.replace(base, **{field.name: not getattr(base, field.name)})
+            a, b = base.defines(device), other.defines(device)
+            assert sum(a[k] != b[k] for k in a) == 1, field.name

@@ -1,5 +1,7 @@
 """PSFs and the two methods, against closed forms and ray tracing."""
 
+import dataclasses
+import math
 import subprocess
 import sys
 
@@ -288,3 +290,146 @@ def test_the_baseline_never_touches_opencl():
         "sys.exit('pyopencl' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def blob(image, i):
+    v = image.irradiance.values[i].astype(float)
+    v = v / v.sum()
+    x, y = np.meshgrid(image.dataset["x"].values, image.dataset["y"].values)
+    mx, my = (v * x).sum(), (v * y).sum()
+    return np.array(
+        [
+            mx,
+            my,
+            np.sqrt((v * (x - mx) ** 2).sum()),
+            np.sqrt((v * (y - my) ** 2).sum()),
+            np.cbrt((v * (x - mx) ** 3).sum()),
+            np.cbrt((v * (y - my) ** 3).sum()),
+        ]
+    )
+
+
+def test_a_point_off_the_axis_is_blurred_as_traced():
+    # a defocused point 12 deg up and 5 deg left: coma and transverse colour have a direction
+    eye = ic.eyes.navarro(5.0, 2.0)
+    centre = (-5.0, 12.0)
+    scene = ic.scenes.point_source(1.2, centre, diameter_arcmin=4.0)
+    where = {"fov_deg": 1.6, "resolution": 64, "centre_deg": centre}
+    where["wavelengths_nm"] = [450.0, 550.0, 650.0]
+    base = ic.psf_baseline.render(scene, eye, **where)
+    traced = ic.render(scene, eye, spp=4096, bands=3, **where)
+    for i in range(3):
+        b, t = blob(base, i), blob(traced, i)
+        np.testing.assert_allclose(b[:2], t[:2], atol=0.004)
+        np.testing.assert_allclose(b[2:4], t[2:4], rtol=0.03)
+        np.testing.assert_allclose(b[4:], t[4:], atol=0.012)
+
+
+def test_a_psf_is_centred_on_an_aspheric_retina():
+    from isetcl.psf_baseline import geometric_psf
+
+    retina = ic.Retina.from_radius(22.0, -12.0, -0.6)
+    eye = dataclasses.replace(reduced_eye(0.5, conic=0.0), retina=retina)
+    psf = geometric_psf(eye, 550.0, 0.0, 0.01, (20.0, 0.0))
+    n = (np.arange(psf.kernel.shape[0]) - psf.radius) * 0.01
+    assert abs((psf.kernel.sum(axis=0) * n).sum()) < 0.02
+    assert psf.kernel.shape[0] < 100
+
+
+def test_within_a_layer_the_nearer_surface_is_seen():
+    from isetcl.psf_baseline.view import ViewGrid, take_layers
+    from isetcl.scene.basis import spectral_basis
+
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 1.0, 4)
+    light = ic.Spectrum.equal_energy(100.0)
+
+    def wall(z, light):
+        return ic.SceneObject("w", ic.Quad((-1, -1, -z), (2, 0, 0), (0, 2, 0)), ic.Emission(light))
+
+    scene = ic.Scene((wall(1.0, light), wall(1.1, light.scaled(3.0))))
+    basis = spectral_basis(scene, np.array([550.0]))
+    edges = np.array([0.5, 2.0])
+    (layer,) = take_layers(scene, ViewGrid(grid, 1, 0), basis, edges, complete=True)
+    assert layer.vergence_dpt == pytest.approx(1.0)
+    radiance = layer.colour[0] * basis.spectra[0, 0]
+    np.testing.assert_allclose(radiance, light.at([550.0])[0], rtol=1e-6)
+
+
+def test_second_moments_off_axis_are_those_of_traced_rays():
+    from isetcl.eye.sequential import trace
+    from isetcl.psf_baseline import geometric_psf
+
+    eye = ic.eyes.navarro(5.0, 2.0)
+    angle = 20.0
+    psf = geometric_psf(eye, 550.0, 0.0, 0.005, (0.0, angle))
+    towards = np.array([0.0, math.sin(math.radians(angle)), -math.cos(math.radians(angle))])
+    g = np.linspace(-3.2, 3.2, 401)
+    px, py = (a.ravel() for a in np.meshgrid(g, g))
+    start = np.stack([px, py, np.full_like(px, 3.04)], axis=1) + 12.0 * towards
+    rays = trace(eye, start, np.broadcast_to(-towards, start.shape), 550.0)
+    hit = rays.positions_mm[rays.passed]
+    height = np.hypot(hit[:, 0], hit[:, 1])
+    field = eye.field_map(550.0).field_deg(12.0 * np.arcsin(height / 12.0))
+    x, y = -field * hit[:, 0] / height, -field * hit[:, 1] / height - angle
+    n = (np.arange(psf.kernel.shape[0]) - psf.radius) * psf.pitch_deg
+    k = psf.kernel
+    assert (k.sum(axis=1) * -n).sum() == pytest.approx(y.mean(), abs=0.002)
+    assert abs(y.mean()) > 0.003
+    assert (k.sum(axis=0) * n**2).sum() == pytest.approx(np.mean(x**2), rel=0.01)
+    assert (k.sum(axis=1) * n**2).sum() == pytest.approx(np.mean(y**2), rel=0.01)
+
+
+def test_the_flux_of_a_near_point_is_by_solid_angle():
+    # 9 mm in front of the cornea, axis: equal steps of cos(theta) carry equal flux
+    from isetcl.eye.sequential import trace
+    from isetcl.psf_baseline import geometric_psf
+
+    eye = ic.eyes.navarro(5.0)
+    v = 1000.0 / 9.0
+    psf = geometric_psf(eye, 550.0, v, 0.1)
+    cosine = np.linspace(math.cos(math.radians(17.0)), 1.0, 40001)[:-1]
+    d = np.stack([0 * cosine, np.sqrt(1 - cosine**2), cosine], axis=1)
+    rays = trace(eye, np.broadcast_to([0.0, 0.0, -9.0], d.shape), d, 550.0)
+    h = np.abs(rays.positions_mm[rays.passed, 1])
+    field = eye.field_map(550.0).field_deg(12.0 * np.arcsin(h / 12.0))
+    n = (np.arange(psf.kernel.shape[0]) - psf.radius) * 0.1
+    got = (psf.kernel * (n[None] ** 2 + n[:, None] ** 2)).sum()
+    assert got == pytest.approx(np.mean(field**2), rel=5e-3)
+
+
+def test_clusters_never_exceed_the_step():
+    from isetcl.psf_baseline.view import _cluster_edges
+
+    edges = _cluster_edges(np.arange(0.0, 1.0, 0.01), 0.1, 1e-6)
+    assert np.diff(edges).max() <= 0.121
+    assert len(edges) == 11
+
+
+def test_blur_step_is_pixel_over_pupil():
+    from isetcl.psf_baseline.view import blur_step_dpt
+
+    eye = reduced_eye(4.0)
+    grid = ic.RetinalGrid.of(eye, 1.0, 100)
+    assert blur_step_dpt(grid) == pytest.approx(math.radians(0.01) / 4e-3)
+
+
+def test_samples_on_an_edge_are_half_covered():
+    from isetcl.psf_baseline.view import ViewGrid, take_layers
+    from isetcl.scene.basis import spectral_basis
+
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 1.0, 15)
+    scene = ic.scenes.two_planes(edge_angle_deg=0.0, texture="uniform")
+    basis = spectral_basis(scene, np.array([550.0]))
+    edges = np.array([0.4, 1.0, 2.5])
+    near = take_layers(scene, ViewGrid(grid, 1, 0), basis, edges, complete=True)[1]
+    np.testing.assert_allclose(near.coverage[:, 7], 0.5)
+
+
+def test_edges_of_layers_belong_to_a_layer():
+    options = {"fov_deg": 1.0, "resolution": 4, "wavelengths_nm": [550.0]}
+    images = [
+        ic.psf_baseline.render(ic.scenes.uniform(), ic.eyes.navarro(), layers=layers, **options)
+        for layers in ("auto", [0.0, 3.0])
+    ]
+    assert images[0].irradiance.values.min() > 0
+    np.testing.assert_allclose(images[0].irradiance, images[1].irradiance)

@@ -1,5 +1,7 @@
 """Rendered images: absolute units, honest errors, and independence of how the work was cut."""
 
+import dataclasses
+import math
 import os
 import signal
 import subprocess
@@ -440,3 +442,156 @@ def test_an_image_that_does_not_fit_into_memory_says_which_size_would(monkeypatc
     monkeypatch.setattr(memory, "available_bytes", lambda: 64 << 20)
     with pytest.raises(ic.OutOfMemoryError, match=r"about \d+ x \d+ pixels would fit"):
         ic.render(ic.scenes.uniform(), ic.eyes.navarro(), resolution=2000)
+
+
+def test_illumination_on_an_aspheric_retina_is_the_closed_form():
+    # Stop at the only surface: the ray turns there, sin(a) = n sin(a');
+    # E = L n^2 A cos(a') cos(psi) / d^2.
+    n, k = 4.0 / 3.0, -0.6
+    eye = dataclasses.replace(
+        reduced_eye(0.05, conic=0.0), retina=ic.Retina.from_radius(22.0, -12.0, k)
+    )
+    image = ic.render(
+        ic.scenes.uniform(100.0),
+        eye,
+        fov_deg=(0.2, 80.0),
+        resolution=(1, 5),
+        spp=512,
+        wavelengths_nm=[550.0],
+    )
+    for y, got in zip(image.dataset["y"].values, image.irradiance.values[0, :, 0], strict=True):
+        a = math.asin(math.sin(math.radians(y)) / n)
+        c = -1.0 / 12.0
+        # c (y^2 + (1 + k) (z - 22)^2) = 2 (z - 22) on the ray (y, z) = t (sin a, cos a)
+        s, co = math.sin(a), math.cos(a)
+        qa = c * (s * s + (1 + k) * co * co)
+        qb = -2 * c * (1 + k) * 22 * co - 2 * co
+        qc = c * (1 + k) * 22**2 + 44
+        t = max(np.roots([qa, qb, qc]).real, key=lambda v: v if 10 < v < 24 else -1)
+        g = np.array([2 * c * t * s, 2 * c * (1 + k) * (t * co - 22) - 2])
+        psi = abs(g @ [s, co]) / np.linalg.norm(g)
+        area = math.pi * 0.025**2
+        expected = ic.Spectrum.equal_energy(100.0).at([550.0])[0] * n**2 * area * co * psi / t**2
+        assert got == pytest.approx(expected, rel=2e-3)
+
+
+def test_host_throughput_on_an_aspheric_retina_is_the_kernels():
+    from isetcl.eye.throughput import irradiance_per_radiance
+
+    eye = dataclasses.replace(
+        reduced_eye(0.05, conic=0.0), retina=ic.Retina.from_radius(22.0, -12.0, -0.6)
+    )
+    image = ic.render(
+        ic.scenes.uniform(100.0),
+        eye,
+        fov_deg=(0.2, 80.0),
+        resolution=(1, 5),
+        spp=512,
+        wavelengths_nm=[550.0],
+    )
+    y = np.abs(image.dataset["y"].values)
+    got = ic.Spectrum.equal_energy(100.0).at([550.0])[0] * irradiance_per_radiance(
+        eye, 550.0, eye.field_map(550.0), y
+    )
+    np.testing.assert_allclose(image.irradiance.values[0, :, 0], got, rtol=2e-3)
+
+
+def test_light_under_water_is_weighed_by_both_indices():
+    water = ic.Medium("w", ic.ConstantIndex(1.2))
+    eye = dataclasses.replace(reduced_eye(0.1, conic=0.0), medium_before=water)
+    image = ic.render(
+        ic.scenes.uniform(100.0), eye, fov_deg=0.05, resolution=2, spp=256, wavelengths_nm=[550.0]
+    )
+    expected = (
+        ic.Spectrum.equal_energy(100.0).at([550.0])[0]
+        * (4 / 3 / 1.2) ** 2
+        * math.pi
+        * 0.05**2
+        / 22.0**2
+    )
+    assert float(image.irradiance.mean()) == pytest.approx(expected, rel=1e-3)
+    base = ic.psf_baseline.render(
+        ic.scenes.uniform(100.0), eye, fov_deg=0.05, resolution=2, wavelengths_nm=[550.0]
+    )
+    assert float(base.irradiance.mean()) == pytest.approx(expected, rel=1e-3)
+
+
+def test_spheres_under_water_are_as_bright_as_discs():
+    water = ic.Medium("water", ic.ConstantIndex(1.333))
+    eye = dataclasses.replace(ic.eyes.navarro(3.0), medium_before=water, accommodation_model=None)
+    one, other = (
+        ic.render(
+            ic.Scene((ic.SceneObject("s", s, ic.Emission(ic.Spectrum.equal_energy(100.0))),)),
+            eye,
+            fov_deg=4.0,
+            resolution=16,
+            spp=256,
+            wavelengths_nm=[550.0],
+        ).irradiance.mean()
+        for s in (ic.Sphere((0, 0, -1.0), 0.02), ic.Disc((0, 0, -1.0), 0.02))
+    )
+    assert float(one) == pytest.approx(float(other), rel=0.02)
+
+
+def test_single_channel_standard_errors_add_up():
+    image = ic.render(
+        ic.scenes.two_planes(),
+        ic.eyes.navarro(),
+        fov_deg=2.0,
+        resolution=16,
+        spp=16,
+        bands=1,
+        precision="double",
+    )
+    w = ic.spectrum.photopic_weights(image.wavelengths_nm)
+    np.testing.assert_allclose(
+        np.tensordot(w, image.standard_error.values, axes=1),
+        image.dataset["illuminance_standard_error"].values,
+        rtol=1e-6,
+    )
+
+
+def test_standard_errors_of_several_spectra():
+    # V(900 nm) = 0: the illuminance is that of the other wavelength alone.
+    red = ic.Spectrum(np.array([400.0, 1000.0]), np.array([0.1, 1.0]))
+    quad = ic.Quad((-1, -1, -1), (1, 0, 0), (0, 2, 0))
+    scene = ic.Scene(
+        (ic.SceneObject("q", quad, ic.Emission(red)),), ic.Spectrum.equal_energy(100.0)
+    )
+    image = ic.render(
+        scene,
+        ic.eyes.navarro(),
+        fov_deg=2.0,
+        resolution=16,
+        spp=16,
+        bands=1,
+        precision="double",
+        wavelengths_nm=[555.0, 900.0],
+    )
+    w = ic.spectrum.photopic_weights(image.wavelengths_nm)
+    np.testing.assert_allclose(
+        w[0] * image.standard_error.values[0],
+        image.dataset["illuminance_standard_error"].values,
+        rtol=1e-6,
+    )
+
+
+def test_no_bar_without_a_terminal(capsys, monkeypatch):
+    import sys
+
+    from isetcl.render.progress import Silence, display
+
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: False, raising=False)
+    assert isinstance(display(None, "t"), Silence)
+    assert isinstance(display(False, "t"), Silence)
+
+
+def test_axial_throughput_under_water():
+    from isetcl.eye.throughput import axial_irradiance_per_radiance
+
+    eye = dataclasses.replace(
+        reduced_eye(0.1, conic=0.0), medium_before=ic.Medium("w", ic.ConstantIndex(1.2))
+    )
+    assert axial_irradiance_per_radiance(eye, 550.0) == pytest.approx(
+        (4 / 3 / 1.2) ** 2 * math.pi * 0.05**2 / 22.0**2, rel=1e-4
+    )

@@ -1,6 +1,8 @@
 """The retinal image: labels, units, files, colour."""
 
 import json
+import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -187,3 +189,85 @@ def test_datasets_without_irradiance_are_refused():
 
 def test_provenance_is_json(image):
     assert json.loads(image.dataset.attrs["provenance"])["format_version"] == 1
+
+
+def test_uneven_wavelengths_weigh_by_their_width():
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 2.0, 4)
+    uneven = np.concatenate([np.arange(400.0, 550.0, 2.0), np.arange(550.0, 701.0, 10.0)])
+    image = flat(grid, uneven, 1.0)
+    # 683 lm/ic.Spectrum.equal_energy(100.0) times the integral of V, 106.857 nm.
+    assert float(image.illuminance_lux.mean()) == pytest.approx(683.0 * 106.857, rel=2e-3)
+    pixel = image.to_srgb(white_point="E")[0, 0].astype(int)
+    assert np.ptp(pixel) <= 4
+
+
+def test_a_crash_while_writing_leaves_the_old_file(tmp_path, monkeypatch):
+    import xarray
+
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 2.0, 4)
+    image = flat(grid, np.array([500.0, 600.0]), 1.0)
+    path = tmp_path / "image.nc"
+    path.write_bytes(b"precious")
+
+    def crash(self, to, **_):
+        Path(to).write_bytes(b"half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(xarray.Dataset, "to_netcdf", crash)
+    with pytest.raises(ic.FileError, match="disk full"):
+        image.save(path)
+    assert path.read_bytes() == b"precious"
+    assert [p.name for p in tmp_path.iterdir()] == ["image.nc"]
+
+
+def test_a_crash_while_writing_a_report_file_leaves_the_old_one(tmp_path, monkeypatch):
+    from isetcl.report import _write
+
+    path = tmp_path / "a.png"
+    path.write_bytes(b"precious")
+    real = Path.write_bytes
+
+    def crash(self, data):
+        real(self, b"half")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(Path, "write_bytes", crash)
+    with pytest.raises(ic.FileError, match="disk full"):
+        _write(path, b"new")
+    assert path.read_bytes() == b"precious"
+    assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
+
+
+def test_scaling_scales_the_spectral_error_too():
+    image = ic.render(ic.scenes.two_planes(), ic.eyes.navarro(), resolution=8, spp=16, bands=2)
+    scaled = image.scale_to_mean_illuminance(2.0 * float(image.illuminance_lux.mean()))
+    np.testing.assert_allclose(scaled.standard_error, 2.0 * image.standard_error, rtol=1e-5)
+
+
+def test_relative_error_counts_lit_pixels_only():
+    from isetcl.retina.image import relative_error
+
+    assert relative_error(np.array([2.0, 0.0]), np.array([0.1, 9.0])) == pytest.approx(0.05)
+
+
+def test_white_is_the_brightest_part():
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 2.0, 10)
+    w = np.arange(400.0, 701.0, 10.0)
+    data = np.full((31, 10, 10), 0.25)
+    data[:, :, :3] = 1.0
+    codes = ic.RetinalImage.from_arrays(grid, w, data).to_srgb(white_point="E")[..., 1]
+    assert codes[0, 0] >= 253
+    assert abs(int(codes[0, 9]) - 137) <= 2
+
+
+def test_the_depth_map_is_seen_from_the_entrance_pupil():
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), (30.0, 0.1), (601, 2))
+    quad = ic.Quad((-0.01, -1, -0.05), (0.02, 0, 0), (0, 2, 0))
+    from isetcl.retina.depth import vergence_map
+
+    row = vergence_map(
+        ic.Scene((ic.SceneObject("q", quad, ic.Emission(ic.Spectrum.equal_energy(100.0))),)), grid
+    )[0]
+    edge = np.abs(grid.x_deg[row > 0]).max()
+    # 10 mm aside at 50 mm, from the pupil 3.04 mm behind the cornea (Navarro): 10.67 deg
+    assert edge == pytest.approx(math.degrees(math.atan(10 / 53.04)), abs=0.06)

@@ -283,3 +283,122 @@ def test_digests_tell_scenes_apart():
     }
     assert len(digests) == 5
     assert ic.scenes.two_planes().digest() == ic.scenes.two_planes().digest()
+
+
+def test_srgb_follows_both_branches_of_iec_61966():
+    from isetcl.scene.texture import decode_srgb
+
+    np.testing.assert_allclose(
+        decode_srgb(np.array([0.02, 0.04045])), np.array([0.02, 0.04045]) / 12.92, rtol=1e-12
+    )
+    assert decode_srgb(0.2) == pytest.approx(0.0331047666, rel=1e-6)
+
+
+def test_a_bilevel_image_is_black_and_white():
+    from isetcl.scene.texture import _linear_light
+
+    assert _linear_light(np.array([[True, False]])).tolist() == [[1.0, 0.0]]
+
+
+def test_a_disc_may_lie_on_the_floor():
+    from isetcl.scene.view import intersect
+
+    d = np.array([0.0, -1.0, -3.0]) / math.sqrt(10.0)
+    hit = intersect(ic.Disc((0, -1, -3), 0.5, (0, 1, 0)), np.zeros(3), d)
+    assert hit.distance_m == pytest.approx(math.sqrt(10.0))
+    assert (hit.u, hit.v) == (pytest.approx(0.5), pytest.approx(0.5))
+
+
+def test_the_background_is_part_of_the_digest():
+    assert ic.scenes.uniform(100.0).digest() != ic.scenes.uniform(99.0).digest()
+
+
+def test_the_slanted_edge_is_bright_left_and_leans_anticlockwise():
+    from isetcl.scene.view import nearest_distance_m
+
+    scene = ic.scenes.slanted_edge(1.0, 5.0, contrast=0.5)
+    white, dark = (o.material.radiance.at([550.0])[0] for o in scene.objects)
+    assert dark / white == pytest.approx(1.0 / 3.0)
+    t = math.tan(math.radians(5.0))
+    for x, y, index in (
+        (-0.2, 0, 0),
+        (0.2, 0, 1),
+        (-t + 0.01, 1, 1),
+        (-t - 0.01, 1, 0),
+        (t - 0.01, -1, 0),
+        (t + 0.01, -1, 1),
+    ):
+        d = np.array([x, y, -1.0]) / np.linalg.norm([x, y, -1.0])
+        assert nearest_distance_m(scene, np.zeros(3), d)[1] == index
+
+
+def test_a_point_source_subtends_its_diameter():
+    disc = ic.scenes.point_source(2.0, diameter_arcmin=30.0).objects[0].shape
+    assert 2 * math.degrees(math.atan(disc.radius_m / 2.0)) == pytest.approx(0.5)
+
+
+def test_photographs_cover_the_left_half_and_the_whole_field():
+    from isetcl.scene.view import nearest_distance_m
+
+    for shape in ((30, 60), (60, 30), (40, 40)):
+        pic = ic.Image(np.ones(shape))
+        scene = ic.scenes.image_planes(ic.Image(np.ones((60, 60))), pic, 0.5, 2.0, 10.0)
+        t = math.tan(math.radians(5.0))
+        for x, y, depth in (
+            (-0.01, 0.99, 0.5),
+            (-0.01, -0.99, 0.5),
+            (0.01, 0.0, 2.0),
+            (0.99, 0.99, 2.0),
+            (0.99, -0.99, 2.0),
+        ):
+            d = np.array([x * t, y * t, -1.0])
+            n = np.linalg.norm(d)
+            assert nearest_distance_m(scene, np.zeros(3), d / n)[0] / n == pytest.approx(depth)
+
+
+def test_a_spectrum_is_not_extrapolated_at_either_end():
+    s = ic.Spectrum(np.array([400.0, 600.0]), np.ones(2))
+    for w in (399.0, 601.0):
+        with pytest.raises(ic.InvalidInputError, match="400 to 600"):
+            s.at([w])
+
+
+def test_reflectance_and_light_meet_on_their_common_wavelengths():
+    m = ic.UnlitReflectance(
+        ic.Spectrum(np.array([400.0, 700.0]), np.array([0.5, 0.5])), ic.Spectrum.equal_energy(100.0)
+    )
+    assert m.spectra()[0].at([550.0])[0] == pytest.approx(
+        0.5 * ic.Spectrum.equal_energy(100.0).at([550.0])[0]
+    )
+
+
+def test_spectra_that_differ_by_half_a_percent_stay_apart():
+    from isetcl.scene.basis import spectral_basis
+
+    w = np.linspace(400.0, 700.0, 31)
+    a = ic.Spectrum(w, np.ones(31))
+    b = ic.Spectrum(w, 1 + 0.005 * np.sin(w / 20))
+    q = ic.Quad((-1, -1, -2), (2, 0, 0), (0, 2, 0))
+    basis = spectral_basis(
+        ic.Scene(tuple(ic.SceneObject("q", q, ic.Emission(s)) for s in (a, b))), w
+    )
+    np.testing.assert_allclose(basis.objects[1] @ basis.spectra, [b.values], rtol=1e-8)
+
+
+def test_of_coincident_walls_the_first_is_seen():
+    from isetcl.scene.view import nearest_distance_m
+
+    q = ic.Quad((-1, -1, -2), (2, 0, 0), (0, 2, 0))
+    near = ic.Quad((-1, -1, -1), (2, 0, 0), (0, 2, 0))
+    scene = ic.Scene(
+        tuple(
+            ic.SceneObject(str(i), s, ic.Emission(ic.Spectrum.equal_energy(100.0)))
+            for i, s in enumerate((q, near, near, q))
+        )
+    )
+    distance, index = nearest_distance_m(scene, np.zeros(3), np.array([0.0, 0.0, -1.0]))
+    assert (float(distance), int(index)) == (1.0, 1)
+
+
+def test_luminance_is_absolute():
+    assert ic.Spectrum.constant(1.0).luminance_cd_m2() == pytest.approx(683.0 * 106.857, rel=1e-5)

@@ -357,3 +357,57 @@ def test_an_unknown_direction_of_travel_or_precision_is_refused():
         ic.trace_rays(ic.eyes.navarro(), [0, 0, -1], [0, 0, 1], 550.0, towards="brain")
     with pytest.raises(ic.InvalidInputError, match=r"precision.*double"):
         ic.trace_rays(ic.eyes.navarro(), [0, 0, -1], [0, 0, 1], 550.0, precision="duoble")
+
+
+@pytest.mark.parametrize("record", [True, False])
+def test_path_lengths_are_known_both_ways_and_without_hits(record):
+    from isetcl.eye.sequential import trace
+
+    eye = ic.eyes.navarro(6.0)
+    o, d = (
+        np.array([[0.3, 1.1, -2.0], [0.0, 0.0, -2.0]]),
+        np.array([[0.01, 0.02, 1.0], [0.0, 0.0, 1.0]]),
+    )
+    there = ic.trace_rays(eye, o, d, 550.0, record_hits=record)
+    np.testing.assert_allclose(there.opl_mm, trace(eye, o, d, 550.0).opl_mm, rtol=0, atol=1e-10)
+    # Axis: 2 mm of air, then the sum of n t (paper, table 1)
+    n = eye.indices(550.0)
+    axial = 2.0 + 0.55 * n[1] + 3.05 * n[2] + 4.0 * n[3] + 16.3203 * n[4]
+    assert there.opl_mm[1] == pytest.approx(axial, abs=1e-10)
+    back = ic.trace_rays(
+        eye, there.positions_mm, -there.directions, 550.0, towards="scene", record_hits=record
+    )
+    assert back.opl_mm[1] == pytest.approx(axial - 2.0, abs=1e-10)
+    both = ic.trace_rays(eye, o[[1, 1]], d[[1, 1]], np.array([550.0, 450.0]), record_hits=record)
+    n = eye.indices(450.0)
+    assert both.opl_mm == pytest.approx(
+        [axial, 2.0 + 0.55 * n[1] + 3.05 * n[2] + 4.0 * n[3] + 16.3203 * n[4]], abs=1e-10
+    )
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_lost_rays_are_lost_without_hits_too(precision):
+    eye = ic.eyes.navarro(3.0)
+    rng = np.random.default_rng(5)
+    o = np.concatenate([rng.uniform(-9, 9, (4000, 2)), np.full((4000, 1), -3.0)], axis=1)
+    d = np.concatenate([rng.normal(0, 0.3, (4000, 2)), np.ones((4000, 1))], axis=1)
+    with_hits, without = (
+        ic.trace_rays(eye, o, d, 550.0, precision=precision, record_hits=h) for h in (True, False)
+    )
+    np.testing.assert_array_equal(with_hits.status, without.status)
+    np.testing.assert_array_equal(with_hits.surface, without.surface)
+    # one stopped ray alone, nobody else lost in its group
+    alone = ic.trace_rays(
+        eye, [[0.0, 2.5, -1.0]], [0, 0, 1], 550.0, precision=precision, record_hits=False
+    )
+    assert alone.status[0] == ic.RayStatus.STOPPED
+
+
+def test_directions_that_share_a_z_are_not_shared():
+    eye = ic.eyes.navarro(3.0)
+    d = np.array([[0.1, 0.0, 1.0], [-0.1, 0.0, 1.0], [0.0, 0.1, 1.0]])
+    rays = ic.trace_rays(eye, np.array([0.0, 0.0, -1.0]), d, 550.0)
+    m = rays.positions_mm
+    assert m[0, 0] > 0.5
+    assert m[0, 0] == pytest.approx(-m[1, 0], abs=1e-12)
+    assert m[2, 1] == pytest.approx(m[0, 0], abs=1e-12)
