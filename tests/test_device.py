@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import os
 import struct
 import subprocess
 import sys
@@ -290,3 +291,32 @@ def test_wrong_rays_by_a_micrometre_are_refused(device, tmp_path, monkeypatch):
     monkeypatch.setattr(selftest, "records_path", lambda: tmp_path / "s.json")
     monkeypatch.setattr(selftest, "reference_ray_error_mm", lambda *_: 2e-5)
     assert not selftest.run(device, "single").passed
+
+
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "POCL_CACHE_DIR", "HOME"])
+def test_caches_that_cannot_be_written_are_replaced(variable, tmp_path):
+    wrong = tmp_path / "file"
+    wrong.write_text("no folder")
+    environment = dict(os.environ)
+    for name in ("XDG_CACHE_HOME", "POCL_CACHE_DIR"):
+        environment.pop(name, None)
+    code = (
+        "import isetcl as ic\n"
+        "ic.render(ic.scenes.uniform(), ic.eyes.navarro(), resolution=2, spp=2)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment | {variable: str(wrong)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert "cannot be written" in result.stderr
+
+
+def test_an_empty_name_names_no_device():
+    from isetcl.device.choose import find_device
+
+    with pytest.raises(ic.InvalidInputError, match="device must be a name"):
+        find_device("")

@@ -115,3 +115,11 @@ def test_the_spot_weighs_rays_by_solid_angle():
     assert rays.passed.sum() > 10000
     expected = math.sqrt(np.mean(rays.positions_mm[rays.passed, 1] ** 2))
     assert rms_spot_mm(eye, 100.0, 550.0) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(("stop_mm", "accommodation_dpt"), [(7.0, 2.5), (8.0, 5.0)])
+def test_a_wide_stop_that_no_longer_fits_the_accommodated_lens_still_focuses(
+    stop_mm, accommodation_dpt
+):
+    eye = ic.eyes.arizona(stop_mm, accommodation_dpt)
+    assert eye.focus_vergence_dpt() == pytest.approx(accommodation_dpt, abs=1e-6)

@@ -158,7 +158,7 @@ def test_the_reference_is_independent_of_the_trials(comparison):
 
 
 def test_the_report_holds_what_it_promises(comparison, tmp_path):
-    from isetcl.report import report_record, write_report
+    from isetcl.report import write_report
 
     files = write_report(
         comparison, tmp_path, edge_angle_deg=45.0, white_point="E", command="isetcl compare"
@@ -184,7 +184,9 @@ def test_the_report_holds_what_it_promises(comparison, tmp_path):
     assert page.count("data:image/png;base64,") == 5
     assert 'src="http' not in page
     record = json.loads((tmp_path / "report.json").read_text())
-    assert record["trials"] == json.loads(json.dumps(report_record(comparison, "")["trials"]))
+    assert [t["method"] for t in record["trials"]] == [t.method for t in comparison.trials]
+    assert [t["error"] for t in record["trials"]] == [t.error for t in comparison.trials]
+    assert record["is_complete"] is True
     loaded = ic.RetinalImage.load(tmp_path / "layered_sum.nc")
     np.testing.assert_array_equal(
         loaded.irradiance.values, comparison.images["layered_sum"].irradiance.values
@@ -266,3 +268,15 @@ def test_profiles_cross_the_edge_at_right_angles():
     c, s = np.sqrt(3) / 2, 0.5
     np.testing.assert_allclose(px, c * position - s * 2.0, atol=1e-12)
     np.testing.assert_allclose(py, s * position + c * 2.0, atol=1e-12)
+
+
+def test_the_strip_of_oblong_pixels_is_as_wide_in_degrees():
+    # 4 mm, 1.5 dpt: 0.1719 deg to each side; pixels 1/32 deg wide and 1/64 deg high.
+    depth = np.full((64, 64), 0.5)
+    depth[:, :32] = 2.0
+    strip = occlusion_strip(depth, (2 / 64, 1 / 64), 4.0)
+    assert strip[32].sum() * 2 / 64 == pytest.approx(2 * 0.1719, abs=2 / 64)
+    depth = np.full((64, 64), 0.5)
+    depth[:32] = 2.0
+    strip = occlusion_strip(depth, (2 / 64, 1 / 64), 4.0)
+    assert strip[:, 32].sum() * 1 / 64 == pytest.approx(2 * 0.1719, abs=2 / 64)

@@ -278,3 +278,14 @@ def test_each_feature_has_its_own_define(device):
             other = dataclasses.replace(base, **{field.name: not getattr(base, field.name)})
             a, b = base.defines(device), other.defines(device)
             assert sum(a[k] != b[k] for k in a) == 1, field.name
+
+
+def test_a_planet_is_traced_in_double_precision(device):
+    if not device.has_double:
+        pytest.skip("this device has no double precision")
+    earth = ic.Sphere((0.0, -6.4e6 - 1.6, 0.0), 6.4e6)
+    ball = ic.Sphere((0.0, 0.0, -1.0), 0.1)
+    light = ic.Emission(ic.Spectrum.constant(1.0))
+    for shape, precision in ((earth, "double"), (ball, "single")):
+        scene = ic.Scene((ic.SceneObject("it", shape, light),))
+        assert ic.plan(scene, ic.eyes.navarro(), resolution=4).config.precision == precision

@@ -433,3 +433,75 @@ def test_edges_of_layers_belong_to_a_layer():
     ]
     assert images[0].irradiance.values.min() > 0
     np.testing.assert_allclose(images[0].irradiance, images[1].irradiance)
+
+
+def test_a_slanted_plane_is_bright_up_to_the_borders():
+    """Its vergence goes on changing beyond the image's border, from where blur comes in."""
+    plane = ic.Quad((-3, -3, -2.7), (6, 0, 4), (0, 6, 0))
+    scene = ic.Scene((ic.SceneObject("plane", plane, ic.Emission(ic.Spectrum.constant(1.0))),))
+    uniform = ic.Scene((), ic.Spectrum.constant(1.0))
+    where = {"fov_deg": 6.0, "resolution": 48, "wavelengths_nm": [550.0]}
+    for accommodation in (2.0, 4.0):
+        eye = ic.eyes.navarro(4.0, accommodation)
+        image, full = (
+            ic.psf_baseline.render(each, eye, **where).irradiance.values[0]
+            for each in (scene, uniform)
+        )
+        np.testing.assert_allclose(image, full, rtol=2e-3)
+
+
+def test_the_blur_of_a_lamp_beside_the_image_reaches_into_it():
+    eye = ic.eyes.navarro(6.0, 1.5)
+    lamp = ic.Disc((0.0, 0.25 * np.tan(np.radians(1.3)), -0.25), 0.001)
+    scene = ic.Scene((ic.SceneObject("lamp", lamp, ic.Emission(ic.Spectrum.constant(1.0))),))
+    where = {"fov_deg": 2.0, "resolution": 32, "wavelengths_nm": [550.0]}
+    base = ic.psf_baseline.render(scene, eye, **where).irradiance.values.sum()
+    traced = ic.render(scene, eye, spp=4096, **where).irradiance.values.sum()
+    assert traced > 0
+    assert base == pytest.approx(traced, rel=0.06)
+
+
+@pytest.mark.parametrize("diameter_arcmin", [0.2, 1.0, 3.0, 12.0])
+def test_small_objects_keep_their_light(diameter_arcmin):
+    """The flux through the entrance pupil, radiance times solid angle times area, arrives."""
+    eye = ic.eyes.navarro(4.0, 2.0)
+    scene = ic.scenes.point_source(0.5, diameter_arcmin=diameter_arcmin)
+    where = {"fov_deg": 1.0, "resolution": 16, "wavelengths_nm": [550.0]}
+    image = ic.psf_baseline.render(scene, eye, **where)
+    field = eye.field_map(550.0)
+    pixel_m2 = (field.mm_per_deg(0.0) / 16 * 1e-3) ** 2
+    disc = scene.objects[0]
+    pupil = eye.entrance_pupil(550.0)
+    solid_angle = np.pi * (disc.shape.radius_m / (0.5 + pupil.z_mm * 1e-3)) ** 2
+    area_m2 = np.pi * (pupil.radius_mm * 1e-3) ** 2
+    expected = disc.material.radiance.at([550.0])[0] * solid_angle * area_m2
+    # The pupil is larger than its paraxial size by 1 % at its edge, and the fovea's PSF serves all.
+    assert image.irradiance.values.sum() * pixel_m2 == pytest.approx(expected, rel=0.02)
+
+
+def test_objects_too_small_to_be_found_are_refused():
+    with pytest.raises(ic.InvalidInputError, match=r"'point' is .* samples .* make it larger"):
+        ic.psf_baseline.render(
+            ic.scenes.point_source(0.5, diameter_arcmin=0.01),
+            ic.eyes.navarro(),
+            fov_deg=20.0,
+            resolution=32,
+            wavelengths_nm=[550.0],
+        )
+
+
+def test_fine_pictures_are_averaged_in_the_view():
+    """A picture of noise finer than a sample is grey, as ray tracing sees it."""
+    texels = np.random.default_rng(4).random((2048, 2048))
+    scene = ic.scenes.image_plane(ic.Image(texels), 1.0, 8.0)
+    where = {"fov_deg": 4.0, "resolution": 16, "wavelengths_nm": [550.0]}
+    image = ic.psf_baseline.render(scene, ic.eyes.navarro(1.0, 1.0), **where).irradiance.values
+    assert np.std(image) / np.mean(image) < 0.02
+
+
+def test_a_view_that_does_not_fit_into_memory_is_refused(monkeypatch):
+    from isetcl import memory
+
+    monkeypatch.setattr(memory, "available_bytes", lambda: 64 << 20)
+    with pytest.raises(ic.OutOfMemoryError, match=r"a view of .* would fit"):
+        ic.psf_baseline.render(ic.scenes.two_planes(), ic.eyes.navarro(4, 2), resolution=2000)

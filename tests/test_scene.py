@@ -130,7 +130,8 @@ def test_images_are_decoded_from_srgb(tmp_path):
     assert texels[1, 0] == pytest.approx(0.5029, abs=1e-3)
     assert texels[0, 0] == 0.0
     assert texels[1, 2] == 1.0
-    np.testing.assert_allclose(texels, decode_srgb(codes / 255.0), atol=1e-6)
+    # IEC 61966-2-1: ((64 / 255 + 0.055) / 1.055)^2.4.
+    assert texels[0, 1] == pytest.approx(0.05126945837, rel=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -286,7 +287,6 @@ def test_digests_tell_scenes_apart():
 
 
 def test_srgb_follows_both_branches_of_iec_61966():
-    from isetcl.scene.texture import decode_srgb
 
     np.testing.assert_allclose(
         decode_srgb(np.array([0.02, 0.04045])), np.array([0.02, 0.04045]) / 12.92, rtol=1e-12
@@ -402,3 +402,74 @@ def test_of_coincident_walls_the_first_is_seen():
 
 def test_luminance_is_absolute():
     assert ic.Spectrum.constant(1.0).luminance_cd_m2() == pytest.approx(683.0 * 106.857, rel=1e-5)
+
+
+def test_light_of_very_different_strength_keeps_its_spectrum():
+    from isetcl.scene.basis import spectral_basis
+
+    w = np.linspace(400.0, 700.0, 31)
+    high = ic.Spectrum(w, np.linspace(1e14, 2e14, 31))
+    low = ic.Spectrum(w, np.linspace(2.0, 1.0, 31))
+    flat = ic.Spectrum(w, np.ones(31))
+    q = ic.Quad((-1, -1, -2), (2, 0, 0), (0, 2, 0))
+    objects = tuple(ic.SceneObject("q", q, ic.Emission(s)) for s in (high, low, flat))
+    basis = spectral_basis(ic.Scene(objects), w)
+    np.testing.assert_allclose(basis.objects[2] @ basis.spectra, [flat.values], rtol=1e-3)
+
+
+def save_photograph(path, mode, orientation=None):
+    from PIL import Image as Pillow
+
+    picture = Pillow.fromarray(np.uint8([[[255, 0, 0], [0, 255, 0], [0, 0, 255]]] * 2)).resize(
+        (24, 16), Pillow.Resampling.NEAREST
+    )
+    exif = picture.getexif()
+    if orientation is not None:
+        exif[0x0112] = orientation
+    picture.convert(mode).save(path, exif=exif) if mode != "P" else picture.convert("P").save(path)
+    return path
+
+
+def test_photographs_are_turned_upright(tmp_path):
+    image = ic.load_image(save_photograph(tmp_path / "a.jpg", "RGB", orientation=6))
+    # 6: the stored picture must be turned clockwise; its left column, red, comes to the top.
+    assert image.shape == (24, 16)
+    assert np.argmax(image.texels[2, 8]) == 0
+    assert np.argmax(image.texels[-3, 8]) == 2
+
+
+@pytest.mark.parametrize(("name", "mode"), [("a.gif", "P"), ("a.jpg", "CMYK"), ("a.png", "RGBA")])
+def test_pictures_of_other_modes_keep_their_colours(tmp_path, name, mode):
+    image = ic.load_image(save_photograph(tmp_path / name, mode))
+    assert image.shape == (16, 24)
+    for column, channel in ((3, 0), (12, 1), (20, 2)):
+        assert np.argmax(image.texels[8, column]) == channel
+        assert image.texels[8, column, channel] > 0.8
+
+
+def test_a_grey_picture_beside_a_coloured_one_stands_in_the_same_light():
+    grey, colour = ic.Image(np.ones((4, 4))), ic.Image(np.ones((4, 4, 3)))
+    scene = ic.scenes.image_planes(grey, colour, 0.5, 2.0, 8.0)
+    w = np.arange(400.0, 701.0, 10.0)
+    lights = [sum(s.at(w) for s in item.material.spectra()) for item in scene.objects]
+    np.testing.assert_allclose(lights[0], lights[1], rtol=1e-6)
+    alone = ic.scenes.image_planes(grey, grey, 0.5, 2.0, 8.0).objects[0].material.spectra()[0]
+    assert np.ptp(alone.at(w)) < 1e-12 * alone.at(w)[0]
+
+
+def test_a_picture_is_cut_in_the_middle():
+    texels = np.arange(24.0).reshape(4, 6)
+    assert ic.Image(texels).cropped(1.0).texels.tolist() == texels[:, 1:5].tolist()
+    assert ic.Image(texels).cropped(3.0).texels.tolist() == texels[1:3].tolist()
+
+
+def test_a_tall_near_picture_covers_the_left_half_and_no_more():
+    from isetcl.scene.view import nearest_distance_m
+
+    tall = ic.Image(np.ones((512, 120)))
+    scene = ic.scenes.image_planes(tall, ic.Image(np.ones((64, 64))), 0.5, 2.0, 10.0)
+    slope = np.tan(np.radians(5.0))
+    for x, y, depth in ((-0.99, 0.9, 0.5), (-0.01, -0.9, 0.5), (0.01, 0.9, 2.0), (0.99, 0.0, 2.0)):
+        d = np.array([x * slope, y * slope, -1.0])
+        n = float(np.linalg.norm(d))
+        assert nearest_distance_m(scene, np.zeros(3), d / n)[0] / n == pytest.approx(depth)

@@ -32,6 +32,7 @@ _AZIMUTHS = 24
 _CHECK_AZIMUTHS = 40
 _FIELD_NODES = 12
 _FIT_TOLERANCE = 2e-7  # of the radius of the stop
+_SCAN_FIELDS = (40, 81)
 _SCAN_TOLERANCE = 0.01
 _SCAN_MARGIN = 0.02  # outlines found by trial may have corners between the azimuths tried
 _CHIEF_RAYS = 1024
@@ -94,20 +95,24 @@ def exit_pupil_bound(
     outline = StopOutline(eye, wavelength_nm, grid_map)
     limit = float(field_limit_deg)
 
-    # The polynomials divide by g; near the axis the outline is taken a little off it.
-    s = np.maximum(unit_nodes(_FIELD_NODES), 1e-4)
-    check = limit * np.sqrt(np.linspace(0.0, 1.0, _FIELD_NODES + 3))
     # Whether the whole stop can be seen decides how outlines are found, for all fields alike.
-    outline.edge(check[-1:], _AZIMUTHS)
+    outline.edge(np.array([limit]), _AZIMUTHS)
+    # Where part of it is hidden the outline has corners, and polynomials need watching.
+    nodes, checks = (_FIELD_NODES, _FIELD_NODES + 3) if outline.is_complete else _SCAN_FIELDS
+    # The polynomials divide by g; near the axis the outline is taken a little off it.
+    s = np.maximum(unit_nodes(nodes), 1e-4)
+    check = limit * np.sqrt(np.linspace(0.0, 1.0, checks))
     centre, sagittal, tangential = outline.ellipse(limit * np.sqrt(s))
     relative = _FIT_TOLERANCE if outline.is_complete else _SCAN_TOLERANCE
     tolerance = relative * eye.stop.radius_mm
+    # Outlines found by trial are a little uncertain; dividing by g must not make it much.
+    by_g, by_s = (None, None) if outline.is_complete else (np.sqrt(s), s)
     bound = ExitPupilBound(
         outline.z_mm,
         limit,
-        fit(s, centre / np.sqrt(s), tolerance),
+        fit(s, centre / np.sqrt(s), tolerance, by_g),
         fit(s, sagittal, tolerance),
-        fit(s, (tangential - sagittal) / s, tolerance),
+        fit(s, (tangential - sagittal) / s, tolerance, by_s),
         fill=1.0,
         clipped_elsewhere=False,
         has_far_side=False,
@@ -115,7 +120,7 @@ def exit_pupil_bound(
     _check_ellipses(eye, bound)
     excess, fill = outline.compare(bound, check)
     grow = max(excess, 1.0) * (1.0 + (MARGIN if outline.is_complete else _SCAN_MARGIN))
-    clipped, far_side = outline.losses(check[::2])
+    clipped, far_side = outline.losses(check)
     return dataclasses.replace(
         bound,
         semi=bound.semi * grow,

@@ -13,11 +13,13 @@ def unit_nodes(count: int) -> np.ndarray:
     return (1.0 - np.cos((np.arange(count) + 0.5) * np.pi / count)) / 2.0
 
 
-def fit(nodes: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
+def fit(
+    nodes: np.ndarray, values: np.ndarray, tolerance: float, weights: np.ndarray | None = None
+) -> np.ndarray:
     """Power-basis coefficients of the shortest polynomial through samples on [0, 1].
 
     Least squares; terms are added until the largest residual falls below `tolerance`, or to
-    `MAX_TERMS`.
+    `MAX_TERMS`. Residuals count times their weights.
 
     Returns
     -------
@@ -26,9 +28,10 @@ def fit(nodes: np.ndarray, values: np.ndarray, tolerance: float) -> np.ndarray:
     best = np.zeros(1)
     smallest = np.inf
     for terms in range(1, min(MAX_TERMS, len(nodes)) + 1):
-        series = np.polynomial.Chebyshev.fit(nodes, values, terms - 1, domain=[0.0, 1.0])
+        series = np.polynomial.Chebyshev.fit(nodes, values, terms - 1, domain=[0.0, 1.0], w=weights)
         coefficients = series.convert(kind=np.polynomial.Polynomial).coef
-        error = float(np.max(np.abs(evaluate(coefficients, nodes) - values)))
+        residual = evaluate(coefficients, nodes) - values
+        error = float(np.max(np.abs(residual if weights is None else weights * residual)))
         if error < smallest:
             best, smallest = coefficients, error
         if error <= tolerance:
