@@ -16,6 +16,7 @@ from isetcl.errors import (
     check_between,
     check_choice,
     check_finite,
+    check_number,
     check_pair,
     check_positive,
     check_type,
@@ -72,7 +73,8 @@ def point_source(
     """
     from isetcl.eye.field import direction_from_field
 
-    distance = 1e6 if distance_m == math.inf else check_positive("distance_m", distance_m, "m")
+    is_far = check_number("distance_m", distance_m) == math.inf
+    distance = 1e6 if is_far else check_positive("distance_m", distance_m, "m")
     check_between("diameter_arcmin", diameter_arcmin, 1e-3, 600.0, "arcmin")
     x, y = check_pair("field_deg", field_deg, "deg")
     if math.hypot(x, y) >= 90.0:

@@ -15,6 +15,7 @@ from isetcl import psf_baseline
 from isetcl.errors import FocusError, InvalidInputError, check_choice, check_count, check_type
 from isetcl.eye.model import Eye
 from isetcl.memory import check_memory
+from isetcl.render.goal import MAX_SPP
 from isetcl.render.plan import Plan, plan
 from isetcl.render.progress import Progress
 from isetcl.render.render import render
@@ -207,9 +208,9 @@ def _checked_work(
     check_type("methods", methods, (list, tuple))
     check_type("samples", samples, (list, tuple))
     names = [check_choice("method", name, psf_baseline.methods()) for name in methods]
-    counts = sorted(check_count("samples", spp, 2) for spp in samples)
+    counts = sorted(check_count("samples", spp, 2, MAX_SPP) for spp in samples)
     largest = max(counts, default=1)
-    if check_count("reference_spp", reference_spp, 2) < 2 * largest:
+    if check_count("reference_spp", reference_spp, 2, MAX_SPP) < 2 * largest:
         raise InvalidInputError(
             f"reference_spp must be at least twice the largest sample count ({largest}), got "
             f"{reference_spp}"
