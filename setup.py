@@ -37,6 +37,7 @@ setup(
         "scikit-image>=0.21",
         "colour-science>=0.4.4",
         "matplotlib>=3.7",
+        "pillow>=9.4",
         "platformdirs>=3.0",
         "typer>=0.12",
         "rich>=13.0",
