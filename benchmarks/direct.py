@@ -12,6 +12,7 @@ import argparse
 import dataclasses
 import os
 import statistics
+from pathlib import Path
 
 import numpy as np
 from common import Timing, interleave, save, show, versions
@@ -54,7 +55,9 @@ def pipeline(scene: ic.Scene, precision: str, width: int | None) -> tuple[Direct
 
 def mitsuba_candidate(samples: int):
     """Two emitting planes with checkerboards behind a thin lens in Mitsuba 3, spectral."""
-    os.environ.setdefault("DRJIT_LIBLLVM_PATH", "/usr/lib/x86_64-linux-gnu/libLLVM.so.19.1")
+    libraries = sorted(Path("/usr/lib").glob("*/libLLVM*.so*"))
+    if libraries:
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(libraries[-1]))
     try:
         import mitsuba as mi
 

@@ -10,7 +10,7 @@ import pytest
 
 import isetcl as ic
 
-SMALL = ["--size", "48", "--spp", "32"]
+SMALL = ["--size", "24", "--spp", "8"]
 
 
 def run(*arguments, cwd=None, env=None):
@@ -32,8 +32,8 @@ def test_compare_writes_its_folder_and_prints_a_table(tmp_path):
     folder = tmp_path / "results"
     record = json.loads((folder / "report.json").read_text())
     assert {t["method"] for t in record["trials"]} == {"ray tracing", "layered_sum", "layered_over"}
-    assert record["command"].startswith("isetcl compare --size 48")
-    assert ic.RetinalImage.load(folder / "ray_tracing.nc").irradiance.shape == (31, 48, 48)
+    assert record["command"].startswith("isetcl compare --size 24")
+    assert ic.RetinalImage.load(folder / "ray_tracing.nc").irradiance.shape == (31, 24, 24)
     for name in ("images", "profiles", "error_against_time", "difference_layered_over"):
         assert (folder / f"{name}.png").stat().st_size > 5000
 
