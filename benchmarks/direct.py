@@ -19,11 +19,12 @@ from common import Timing, interleave, save, show, versions
 
 import isetcl as ic
 from isetcl.render import sobol
-from isetcl.render.direct import DirectPipeline, Tile
+from isetcl.render.direct import DirectPipeline
 from isetcl.render.plan import plan
 
 PIXELS, SPP, BANDS = 256, 64, 8
 PATHS = PIXELS * PIXELS * SPP * BANDS
+STREAM = sobol.stream(0, 0)
 
 
 def scenes() -> dict[str, ic.Scene]:
@@ -51,6 +52,12 @@ def pipeline(scene: ic.Scene, precision: str, width: int | None) -> tuple[Direct
         config = dataclasses.replace(prepared.config, vector_width=width)
         prepared = dataclasses.replace(prepared, config=config)
     return DirectPipeline(prepared), min(p.fill for p in prepared.pupils)
+
+
+def launch(made: DirectPipeline, samples: int) -> None:
+    """One replicate of the whole image."""
+    for tile in made.tiles():
+        made._launch(tile, 0, samples, samples, STREAM)
 
 
 def mitsuba_candidate(samples: int):
@@ -111,13 +118,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=11)
     rounds = parser.parse_args().rounds
-    tile = Tile(0, 0, PIXELS, PIXELS)
-    stream = sobol.stream(0, 0)
     candidates, fills = {}, {}
     for name, scene in scenes().items():
         for precision in ("single", "double"):
             made, fills[f"{name}, {precision}"] = pipeline(scene, precision, None)
-            candidates[f"{name}, {precision}"] = lambda p=made: p._launch(tile, 0, SPP, SPP, stream)
+            candidates[f"{name}, {precision}"] = lambda p=made: launch(p, SPP)
     work = {name: PATHS * fills[name] for name in candidates}
     mitsuba = mitsuba_candidate(256)
     if mitsuba is not None:
@@ -139,7 +144,7 @@ def main() -> None:
             f"{precision}, {w} lanes": pipeline(scenes()["checkerboards"], precision, w)[0]
             for w in tried
         }
-        short = {name: lambda p=p: p._launch(tile, 0, 16, 16, stream) for name, p in made.items()}
+        short = {name: lambda p=p: launch(p, 16) for name, p in made.items()}
         for name, timing in interleave(short, 5).items():
             widths[name] = timing.summary(PATHS / 4)
     rows = [("", "M paths/s (median)", "CPU ns/path", "spread")]

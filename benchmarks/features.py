@@ -17,7 +17,7 @@ from common import interleave, save, show
 
 import isetcl as ic
 from isetcl.render import sobol
-from isetcl.render.direct import DirectPipeline, Tile
+from isetcl.render.direct import DirectPipeline
 from isetcl.render.plan import Plan, plan
 
 PIXELS, SPP, BANDS = 256, 32, 8
@@ -81,11 +81,14 @@ def main() -> None:
         plans[f"unused {switch}"] = dataclasses.replace(base, config=config)
     for name, needed in used_variants().items():
         plans[f"used {name}"] = needed
-    tile, stream = Tile(0, 0, PIXELS, PIXELS), sobol.stream(0, 0)
+    stream = sobol.stream(0, 0)
     pipelines = {name: DirectPipeline(p) for name, p in plans.items()}
-    timings = interleave(
-        {n: lambda p=p: p._launch(tile, 0, SPP, SPP, stream) for n, p in pipelines.items()}, rounds
-    )
+
+    def launch(pipeline: DirectPipeline) -> None:
+        for tile in pipeline.tiles():
+            pipeline._launch(tile, 0, SPP, SPP, stream)
+
+    timings = interleave({n: lambda p=p: launch(p) for n, p in pipelines.items()}, rounds)
     least = {name: statistics.median(t.cpu_s) / PATHS * 1e9 for name, t in timings.items()}
     reference = least["left out"]
     rows = [("feature", "left out", "in, unused", "used")]

@@ -116,6 +116,10 @@ class DirectPipeline:
             ),
         )
 
+    def tiles(self) -> list[Tile]:
+        """The tiles of the plan's image, row by row."""
+        return tiles(self._plan)
+
     def sample(self, tile: Tile, samples: int, stream: int) -> np.ndarray:
         """Mean film of a tile over samples 0 to `samples` - 1 of every band, float64.
 
@@ -150,9 +154,10 @@ class DirectPipeline:
         self._camera["tile_x"], self._camera["tile_y"] = tile.x, tile.y
         self._camera["tile_width"] = tile.columns
         queue = self._device.queue
-        cl.enqueue_copy(queue, self._camera_buffer, self._camera)
         pixels = tile.columns * tile.rows
         padded = self._pad(pixels)
+        assert padded <= self._padded, "a tile must not be larger than the plan's"
+        cl.enqueue_copy(queue, self._camera_buffer, self._camera)
         self._kernel.set_args(
             self._camera_buffer,
             *self._arguments,
