@@ -36,15 +36,10 @@ from isetcl.render.trace import trace_rays
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene import targets as scenes
-from isetcl.scene.model import (
-    Disc,
-    Emission,
-    Quad,
-    Scene,
-    SceneObject,
-    Sphere,
-    UnlitReflectance,
-)
+from isetcl.scene.light import DistantLight, PointLight
+from isetcl.scene.material import Diffuse, Emission, UnlitReflectance
+from isetcl.scene.mesh import Mesh, load_mesh
+from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
 from isetcl.scene.texture import Checkerboard, Image, load_image
 from isetcl.spectrum import Spectrum
 from isetcl.version import __version__
@@ -57,7 +52,9 @@ __all__ = [
     "ConstantIndex",
     "CornuDispersion",
     "DeviceError",
+    "Diffuse",
     "Disc",
+    "DistantLight",
     "Emission",
     "Eye",
     "FileError",
@@ -67,9 +64,11 @@ __all__ = [
     "IsetclError",
     "KernelBuildError",
     "Medium",
+    "Mesh",
     "NavarroDispersion",
     "OutOfMemoryError",
     "Plan",
+    "PointLight",
     "Quad",
     "RayBundle",
     "RayStatus",
@@ -86,6 +85,7 @@ __all__ = [
     "__version__",
     "eyes",
     "load_image",
+    "load_mesh",
     "plan",
     "psf_baseline",
     "render",

@@ -83,7 +83,8 @@ def test_the_baseline_imports_neither_renderer_nor_opencl():
 
 def test_only_the_device_layer_and_the_pipeline_touch_opencl():
     users = {str(p.relative_to(PACKAGE)) for p in FILES if "import pyopencl" in p.read_text()}
-    assert all(u.startswith("device/") or u == "render/direct.py" for u in users)
+    pipelines = {"render/direct.py", "render/paths.py"}
+    assert all(u.startswith("device/") or u in pipelines for u in users)
 
 
 def test_there_is_no_opencl_c_inside_python():

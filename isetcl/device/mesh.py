@@ -133,8 +133,8 @@ def pack_tree(
     return nodes, blocks
 
 
-class DeviceMesh:
-    """A triangle mesh with its hierarchy on a device.
+class MeshTree:
+    """A triangle mesh with its hierarchy on a device, as lib/bvh.cl reads it.
 
     Parameters
     ----------
@@ -142,33 +142,44 @@ class DeviceMesh:
         Where and how rays are traced.
     triangles : ndarray, (n, 3, 3)
         Corners of each triangle, metres.
+
+    Attributes
+    ----------
+    nodes, blocks
+        Buffers of the tree; it owns them.
+    stack_size
+        Entries the stack of a ray may need.
     """
 
     def __init__(self, device: Device, triangles: np.ndarray, precision: Precision) -> None:
         import pyopencl as cl
 
         device.check_precision(precision)
-        self._device = device
-        self._precision = precision
-        self._real = real_dtype(precision)
         corners = np.asarray(triangles, dtype=np.float32)
+        lo, hi = corners.min(axis=1), corners.max(axis=1)
         if precision == "double":
             # Boxes of the float32 builder must hold the float64 corners.
-            lo = np.nextafter(corners.min(axis=1), np.float32(-np.inf))
-            hi = np.nextafter(corners.max(axis=1), np.float32(np.inf))
-        else:
-            lo, hi = corners.min(axis=1), corners.max(axis=1)
+            lo = np.nextafter(lo, np.float32(-np.inf))
+            hi = np.nextafter(hi, np.float32(np.inf))
         builder = fast_builder()
         binary = build_binary_tree(lo, hi) if builder is None else build_tree_on(builder, lo, hi)
-        self.tree = collapse(binary)
-        nodes, blocks = pack_tree(self.tree, triangles, precision)
+        tree = collapse(binary)
+        nodes, blocks = pack_tree(tree, triangles, precision)
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         self.nodes = cl.Buffer(device.context, flags, hostbuf=nodes)
         self.blocks = cl.Buffer(device.context, flags, hostbuf=blocks)
-        stack = (WIDTH - 1) * self.tree.depth + 1
-        defines = device.defines(precision, 1) | {
-            "STACK_SIZE": -(-stack // _STACK_STEP) * _STACK_STEP
-        }
+        self.stack_size = -(-((WIDTH - 1) * tree.depth + 1) // _STACK_STEP) * _STACK_STEP
+
+
+class DeviceMesh:
+    """Rays against one triangle mesh; see `MeshTree` for the parameters."""
+
+    def __init__(self, device: Device, triangles: np.ndarray, precision: Precision) -> None:
+        self._device = device
+        self._real = real_dtype(precision)
+        tree = MeshTree(device, triangles, precision)
+        self.nodes, self.blocks = tree.nodes, tree.blocks
+        defines = device.defines(precision, 1) | {"STACK_SIZE": tree.stack_size}
         source = program.assemble("trace_mesh.cl", defines)
         self._trace = program.kernel(device, source, "trace_mesh")
         self._occlude = program.kernel(device, source, "occlude_mesh")

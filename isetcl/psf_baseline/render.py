@@ -34,6 +34,7 @@ from isetcl.retina.depth import vergence_map
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.basis import spectral_basis
+from isetcl.scene.material import Diffuse
 from isetcl.scene.model import Scene
 from isetcl.scene.texture import Image
 from isetcl.scene.view import intersect, texels_across
@@ -95,6 +96,7 @@ def render(
     chosen: Method = methods()[check_choice("method", method, methods())]
     check_type("scene", scene, Scene)
     check_type("eye", eye, Eye)
+    _check_emission_only(scene)
     check_choice("psf", psf, PSF_KINDS)
     oversampling = check_count("oversampling", oversampling, 1, 8)
     if progress is not None and not callable(progress):
@@ -146,6 +148,16 @@ def render(
         vergence_dpt=vergence_map(scene, grid),
         provenance=details,
     )
+
+
+def _check_emission_only(scene: Scene) -> None:
+    """Refuse what a view along single rays cannot show: light that is scattered."""
+    for item in scene.objects:
+        if isinstance(item.material, Diffuse):
+            raise InvalidInputError(
+                f"PSF methods see only surfaces that send out light by themselves, but object "
+                f"{item.name!r} is Diffuse; use UnlitReflectance, or ray tracing"
+            )
 
 
 def _filtered(scene: Scene, grid: RetinalGrid, oversampling: int) -> Scene:

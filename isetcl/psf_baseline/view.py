@@ -18,6 +18,7 @@ from isetcl.errors import InvalidInputError, check_array, check_count
 from isetcl.eye.field import direction_from_field
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
+from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import Scene, SceneObject, Shape
 from isetcl.scene.view import COINCIDENT, intersect, outline_points, weights
 from isetcl.units import MM_PER_M
@@ -265,7 +266,7 @@ def _mark_outline(
 ) -> None:
     """Raise the refinement of samples along an object's outline to what its thickness needs."""
     x, y, _ = _outline(view.grid, item.shape, 256)
-    if len(x) < 256:
+    if isinstance(item.shape, Mesh) or len(x) < 256:
         # An outline that passes behind the eye is large; neighbours show its edges.
         return
     width, height = view.pitch_deg

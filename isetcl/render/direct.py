@@ -14,6 +14,7 @@ from isetcl.device.tracer import pack_elements, travel_order
 from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack
+from isetcl.render.kernel_config import KernelConfig
 from isetcl.render.plan import Plan
 
 if TYPE_CHECKING:
@@ -58,11 +59,15 @@ class DirectPipeline:
     def __init__(self, plan: Plan) -> None:
         import pyopencl as cl
 
+        assert isinstance(plan.config, KernelConfig)
+        assert plan.basis is not None
         self._plan = plan
+        self._config = plan.config
+        self._basis = plan.basis
         self._device = plan.device
         self._real = real_dtype(plan.config.precision)
         source = program.assemble(
-            "direct.cl", plan.config.defines(plan.device), pack.declarations(plan.config)
+            "direct.cl", self._config.defines(plan.device), pack.declarations(self._config)
         )
         self.kernel_digest = program.digest(source)
         self._kernel = program.kernel(plan.device, source, "render_direct")
@@ -105,7 +110,7 @@ class DirectPipeline:
         ]
         packed = [pack_elements(sequence, "scene", precision) for sequence in sequences]
         indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
-        scene = pack.pack_scene(plan.scene, plan.basis, plan.images, plan.config)
+        scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)
         return (
             self._upload(pack.pack_pupils(plan.pupils, indices, precision)),
             self._upload(np.concatenate(packed)),

@@ -12,6 +12,7 @@ import numpy as np
 from isetcl.render import sobol
 from isetcl.render.accumulate import TileAccumulator
 from isetcl.render.direct import DirectPipeline, tiles
+from isetcl.render.paths import PathPipeline
 from isetcl.render.plan import Plan
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.image import RetinalImage, relative_error
@@ -22,7 +23,7 @@ from isetcl.version import __version__
 class Film:
     """The accumulators of all tiles, and the image they make."""
 
-    def __init__(self, prepared: Plan, pipeline: DirectPipeline, seed: int) -> None:
+    def __init__(self, prepared: Plan, pipeline: DirectPipeline | PathPipeline, seed: int) -> None:
         self._plan = prepared
         self._pipeline = pipeline
         self._seed = seed
@@ -70,8 +71,7 @@ class Film:
     @property
     def is_dark(self) -> bool:
         """Whether the scene sends out light of which no sample has found any."""
-        has_light = bool(np.any(self._plan.basis.spectra))
-        return has_light and not any(a.film().any() for a in self._accumulators)
+        return self._plan.has_light and not any(a.film().any() for a in self._accumulators)
 
     def add_replicate(self, samples: int) -> Iterator[float]:
         """Add a replicate to all tiles; yields the fraction done after each launch."""

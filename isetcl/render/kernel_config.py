@@ -1,4 +1,4 @@
-"""What is compiled into the direct pipeline: one field for every #define."""
+"""What is compiled into the pipelines: one field for every #define."""
 
 from __future__ import annotations
 
@@ -75,4 +75,75 @@ class KernelConfig:
             "HAS_IMAGES": int(self.has_images),
             "TEXTURE_CHANNELS": self.texture_channels,
             "TEXTURE_PACKED": int(self.is_texture_packed),
+        }
+
+
+SAMPLES_AT_ONCE = 8
+"""Samples a pixel that the path pipeline follows at a time: the same whatever the tile, so that
+sums are the same too."""
+
+
+@dataclass(frozen=True)
+class PathConfig:
+    """Compile-time features of the path pipeline, and how far it follows paths.
+
+    Attributes
+    ----------
+    precision, vector_width
+        Type of the arithmetic, and its lanes in the stage that leaves the eye.
+    max_bounces
+        Times a path may be scattered; 0 if nothing scatters.
+    has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
+        As in `KernelConfig`.
+    has_flats, has_balls, has_textured_balls, has_meshes
+        Shapes in the scene.
+    has_normals, has_uv
+        Whether any mesh has shading normals or texture coordinates.
+    has_pictures
+        Pictures on any shape.
+    has_reflection, has_lights
+        Surfaces that scatter, and lights with a place that they can be lit by.
+    n_basis
+        Film channels a band: the wavelengths a path carries.
+    """
+
+    precision: Precision
+    vector_width: int
+    max_bounces: int
+    has_conics: bool = True
+    has_aspheric_retina: bool = True
+    has_far_side: bool = True
+    has_semi_diameters: bool = True
+    has_flats: bool = True
+    has_balls: bool = True
+    has_textured_balls: bool = True
+    has_meshes: bool = True
+    has_normals: bool = True
+    has_uv: bool = True
+    has_pictures: bool = True
+    has_reflection: bool = True
+    has_lights: bool = True
+    n_basis: int = 4
+
+    def eye_defines(self, device: Device) -> dict[str, int]:
+        """The #defines of the stage that leaves the eye, those of the device included."""
+        return device.defines(self.precision, self.vector_width) | {
+            "HAS_CONICS": int(self.has_conics),
+            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+            "HAS_FAR_SIDE": int(self.has_far_side),
+            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
+        }
+
+    def path_defines(self, device: Device) -> dict[str, int]:
+        """The #defines of the stages that follow paths, those of the device included."""
+        return device.defines(self.precision, 1) | {
+            "HAS_FLATS": int(self.has_flats),
+            "HAS_BALLS": int(self.has_balls),
+            "HAS_TEXTURED_BALLS": int(self.has_textured_balls),
+            "HAS_MESHES": int(self.has_meshes),
+            "HAS_NORMALS": int(self.has_normals),
+            "HAS_UV": int(self.has_uv),
+            "HAS_PICTURES": int(self.has_pictures),
+            "HAS_REFLECTION": int(self.has_reflection),
+            "HAS_LIGHTS": int(self.has_lights),
         }

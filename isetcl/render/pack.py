@@ -12,6 +12,7 @@ from isetcl.render.kernel_config import KernelConfig, MaterialKind
 from isetcl.render.sobol import directions
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
+from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import Disc, Quad, Scene, Sphere
 from isetcl.scene.texture import Checkerboard, Image
 from isetcl.scene.view import plane_axes
@@ -115,12 +116,20 @@ def image_struct(n_basis: int, channels: int) -> Struct:
     )
 
 
+def sobol_declaration() -> str:
+    """The table of direction numbers."""
+    table = ", ".join(f"0x{word:08x}u" for word in directions())
+    return f"constant uint SOBOL_DIRECTIONS[] = {{{table}}};\n"
+
+
+def eye_declarations() -> str:
+    """The C declarations of the camera, and the table of direction numbers."""
+    return CAMERA.c_declaration() + PUPIL.c_declaration() + sobol_declaration()
+
+
 def declarations(config: KernelConfig) -> str:
     """All C declarations of the direct pipeline."""
-    table = ", ".join(f"0x{word:08x}u" for word in directions())
     structs = (
-        CAMERA,
-        PUPIL,
         PATCH,
         SPHERE,
         scene_struct(config.n_basis),
@@ -130,8 +139,8 @@ def declarations(config: KernelConfig) -> str:
     return (
         ray_declarations()
         + c_enum(MaterialKind, "MATERIAL")
+        + eye_declarations()
         + "".join(struct.c_declaration() for struct in structs)
-        + f"constant uint SOBOL_DIRECTIONS[] = {{{table}}};\n"
     )
 
 
@@ -232,6 +241,7 @@ def pack_scene(
         else:
             materials[i]["kind"] = MaterialKind.UNIFORM
             materials[i]["first"][:n] = colours[0]
+        assert not isinstance(item.shape, Mesh)
         if isinstance(item.shape, Sphere):
             spheres.append(_sphere(item.shape, i, precision))
         else:

@@ -18,15 +18,19 @@ from isetcl import memory
 from isetcl.device.choose import find_device
 from isetcl.device.devices import Device
 from isetcl.device.layout import Precision
-from isetcl.errors import check_choice, check_type
+from isetcl.errors import check_choice, check_count, check_type
 from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.throughput import axial_irradiance_per_radiance
-from isetcl.render.kernel_config import KernelConfig
-from isetcl.retina.bands import BandChoice, choose_bands
+from isetcl.render.kernel_config import SAMPLES_AT_ONCE, KernelConfig, PathConfig
+from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
+from isetcl.retina.bands import BandChoice, choose_bands, split_bands
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
+from isetcl.scene.light import DistantLight
+from isetcl.scene.material import Diffuse
+from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
 from isetcl.scene.view import intersect, texels_across
@@ -39,7 +43,11 @@ PACKING_ERROR = 3e-4
 _SPHERE_ROUNDING = 2.4e-7  # of the radius: four roundings of its square
 
 _TILE_FILM_BYTES = 4 << 20
+_TILE_PATHS_BYTES = 64 << 20
+_PATH_BYTES = 160
 _TEXELS_PER_FOOTPRINT = 4
+
+DEFAULT_BOUNCES = 8
 
 
 @dataclass(frozen=True)
@@ -62,14 +70,14 @@ class Plan:
     wavelengths_nm : ndarray, (wavelengths,)
     band_choice : BandChoice
         Groups of wavelengths that share a trace.
-    basis : SpectralBasis
-        The spectra that span the scene.
+    basis : SpectralBasis or None
+        The spectra that span the scene; None where paths carry wavelengths.
     pupils : tuple of ExitPupilBound
         One for each band.
     images : tuple of Image or None
         For each object the picture as it is uploaded.
-    config : KernelConfig
-        What is compiled in.
+    config : KernelConfig or PathConfig
+        What is compiled in: the direct pipeline, or the path pipeline.
     decisions : tuple of Decision
     tile : (columns, rows)
         Largest piece of the image rendered by one launch.
@@ -81,10 +89,10 @@ class Plan:
     grid: RetinalGrid
     wavelengths_nm: np.ndarray
     band_choice: BandChoice
-    basis: SpectralBasis
+    basis: SpectralBasis | None
     pupils: tuple[ExitPupilBound, ...]
     images: tuple[Image | None, ...]
-    config: KernelConfig
+    config: KernelConfig | PathConfig
     decisions: tuple[Decision, ...]
     tile: tuple[int, int]
     device: Device
@@ -103,15 +111,26 @@ class Plan:
         A wavelength takes its band's film, its own spectra, and a factor for the small difference
         of the eye's throughput on axis between the wavelength and its band.
         """
-        n_basis = len(self.basis.spectra)
+        n_basis = self.config.n_basis
         matrix = np.zeros((len(self.wavelengths_nm), len(self.band_choice.bands) * n_basis))
         for b, band in enumerate(self.band_choice.bands):
             traced = axial_irradiance_per_radiance(self.eye, band.wavelength_nm)
             for i in range(band.first, band.last + 1):
                 own = axial_irradiance_per_radiance(self.eye, float(self.wavelengths_nm[i]))
-                row = self.basis.spectra[:, i] * (own / traced)
-                matrix[i, b * n_basis : (b + 1) * n_basis] = row
+                if self.basis is None:
+                    matrix[i, b * n_basis + i - band.first] = own / traced
+                else:
+                    row = self.basis.spectra[:, i] * (own / traced)
+                    matrix[i, b * n_basis : (b + 1) * n_basis] = row
         return matrix
+
+    @property
+    def has_light(self) -> bool:
+        """Whether anything in the scene sends out light."""
+        if self.basis is not None:
+            return bool(np.any(self.basis.spectra))
+        emitters = any(not isinstance(o.material, Diffuse) for o in self.scene.objects)
+        return emitters or bool(self.scene.lights) or self.scene.background is not None
 
 
 def plan(
@@ -124,6 +143,7 @@ def plan(
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
+    max_bounces: int = DEFAULT_BOUNCES,
     expected_error: float = 0.01,
     device: str | None = None,
 ) -> Plan:
@@ -131,6 +151,8 @@ def plan(
 
     Parameters
     ----------
+    max_bounces
+        Times a path may be scattered.
     expected_error
         Relative error the image will have; decides how many bands are needed and whether packed
         textures are harmless.
@@ -147,24 +169,42 @@ def plan(
         default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
     )
     check_eye_wavelengths(eye, wavelengths)
-    basis = spectral_basis(scene, wavelengths)
+    max_bounces = check_count("max_bounces", max_bounces, 0, 1000)
+    is_direct = not (scene.has_reflection or scene.has_meshes)
+    # Either way every spectrum must be known at all wavelengths.
+    basis = spectral_basis(scene, wavelengths) if is_direct else None
+    if not is_direct:
+        _check_spectra(scene, wavelengths)
     chosen_device = find_device(device)
     notes: list[Decision] = []
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
     choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, notes)
+    if not is_direct:
+        choice = split_bands(choice, wavelengths, WAVELENGTHS_AT_ONCE)
     pupils = tuple(
         exit_pupil_bound(eye, band.wavelength_nm, grid.field_map, grid.limit_deg)
         for band in choice.bands
     )
     images = tuple(_uploaded_image(scene, i, grid, notes) for i in range(len(scene.objects)))
-    config = KernelConfig(
-        precision=resolved,
-        vector_width=_decide_width(chosen_device, resolved, notes),
-        n_basis=_decide_basis(basis, notes),
-        **_decide_eye(eye, pupils, notes),
-        **_decide_shapes(scene, notes),
-        **_decide_textures(scene, images, resolved, expected_error, notes),  # type: ignore[arg-type]
-    )
+    width = _decide_width(chosen_device, resolved, notes)
+    config: KernelConfig | PathConfig
+    if basis is not None:
+        config = KernelConfig(
+            precision=resolved,
+            vector_width=width,
+            n_basis=_decide_basis(basis, notes),
+            **_decide_eye(eye, pupils, notes),
+            **_decide_shapes(scene, notes),
+            **_decide_textures(scene, images, resolved, expected_error, notes),  # type: ignore[arg-type]
+        )
+    else:
+        config = PathConfig(
+            precision=resolved,
+            vector_width=width,
+            max_bounces=_decide_bounces(scene, max_bounces, notes),
+            **_decide_eye(eye, pupils, notes),
+            **_decide_path_features(scene, images, notes),
+        )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
     return Plan(
         scene,
@@ -392,19 +432,84 @@ def _texels_per_pixel(scene: Scene, index: int, image: Image, grid: RetinalGrid)
     return texels_across(shape, image, nearest, math.radians(min(grid.pitch_deg)))
 
 
+def _check_spectra(scene: Scene, wavelengths_nm: np.ndarray) -> None:
+    """Raise InvalidInputError unless every spectrum of a scene is known at all wavelengths."""
+    spectra = [s for item in scene.objects for s in item.material.spectra()]
+    spectra += [
+        light.irradiance if isinstance(light, DistantLight) else light.intensity
+        for light in scene.lights
+    ]
+    for spectrum in [*spectra, *([scene.background] if scene.background else [])]:
+        spectrum.at(wavelengths_nm)
+
+
+def _decide_bounces(scene: Scene, max_bounces: int, notes: list[Decision]) -> int:
+    if not scene.has_reflection:
+        reason = "nothing scatters light: what is met first is what is seen"
+        notes.append(Decision("lighting", "emission only", reason))
+        return 0
+    reason = "surfaces scatter light; paths end by chance after the third bounce"
+    notes.append(Decision("lighting", f"{max_bounces} bounces", reason))
+    return max_bounces
+
+
+def _decide_path_features(
+    scene: Scene, images: tuple[Image | None, ...], notes: list[Decision]
+) -> dict[str, bool]:
+    """What the path pipeline compiles in of a scene."""
+    shapes = [item.shape for item in scene.objects]
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    balls = [item for item in scene.objects if isinstance(item.shape, Sphere)]
+    flats = len(shapes) - len(meshes) - len(balls)
+    triangles = sum(len(mesh.faces) for mesh in meshes)
+    emitters = sum(not isinstance(item.material, Diffuse) for item in scene.objects)
+    lights = emitters + len(scene.lights) if scene.has_reflection else 0
+    none = "none in the scene"
+    counts = {
+        "has_flats": ("flat shapes", flats),
+        "has_balls": ("spheres", len(balls)),
+        "has_textured_balls": (
+            "textured spheres",
+            sum(item.material.texture is not None for item in balls),
+        ),
+        "has_meshes": ("hierarchy of triangles", triangles),
+        "has_normals": ("shading normals", sum(mesh.normals is not None for mesh in meshes)),
+        "has_uv": ("texture coordinates", sum(mesh.uv is not None for mesh in meshes)),
+        "has_pictures": ("images", sum(image is not None for image in images)),
+    }
+    features = {
+        field: _left_out(notes, name, count > 0, f"{count} in the scene", none)
+        for field, (name, count) in counts.items()
+    }
+    features["has_reflection"] = scene.has_reflection
+    features["has_lights"] = _left_out(
+        notes,
+        "shadow rays",
+        lights > 0,
+        f"{lights} lights with a place",
+        "nothing scatters light" if not scene.has_reflection else "no light has a place",
+    )
+    return features
+
+
 def _decide_tile(
-    grid: RetinalGrid, config: KernelConfig, n_bands: int, notes: list[Decision]
+    grid: RetinalGrid, config: KernelConfig | PathConfig, n_bands: int, notes: list[Decision]
 ) -> tuple[int, int]:
-    """Columns and rows of a tile whose film fits the device comfortably."""
+    """Columns and rows of a tile whose film, or whose paths, fit the device comfortably."""
     columns, rows = grid.resolution
     bytes_per_pixel = n_bands * config.n_basis * (4 if config.precision == "single" else 8)
-    pixels = max(config.vector_width, _TILE_FILM_BYTES // bytes_per_pixel)
+    if isinstance(config, PathConfig):
+        bytes_per_pixel = n_bands * SAMPLES_AT_ONCE * _PATH_BYTES
+        pixels = _TILE_PATHS_BYTES // bytes_per_pixel
+    else:
+        pixels = max(config.vector_width, _TILE_FILM_BYTES // bytes_per_pixel)
     width = min(columns, max(1, pixels))
     height = min(rows, max(1, pixels // width))
     if width == columns and height == rows:
         reason = "the whole image fits"
     else:
-        reason = f"the film of a tile takes {width * height * bytes_per_pixel / 2**20:.3g} MB"
+        what = "paths" if isinstance(config, PathConfig) else "film"
+        reason = f"the {what} of a tile takes {width * height * bytes_per_pixel / 2**20:.3g} MB"
     notes.append(Decision("tile", f"{width} x {height}", reason))
     return width, height
 

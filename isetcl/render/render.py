@@ -15,7 +15,9 @@ from isetcl.render.direct import DirectPipeline
 from isetcl.render.film import Film
 from isetcl.render.goal import Goal
 from isetcl.render.interrupt import DeferredInterrupt
-from isetcl.render.plan import check_memory, plan
+from isetcl.render.kernel_config import KernelConfig
+from isetcl.render.paths import PathPipeline
+from isetcl.render.plan import DEFAULT_BOUNCES, check_memory, plan
 from isetcl.render.progress import Progress, ProgressCallback, display
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
@@ -34,6 +36,7 @@ def render(
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
+    max_bounces: int = DEFAULT_BOUNCES,
     seed: int = 0,
     device: str | None = None,
     progress: bool | ProgressCallback | None = None,
@@ -67,6 +70,9 @@ def render(
         Lens traces for all wavelengths; ``"auto"`` chooses from dispersion and pixel size.
     precision
         ``"single"``, ``"double"`` or ``"auto"``.
+    max_bounces
+        Times light may be scattered between a light and the eye; 1 is direct light only. Nothing is
+        scattered in scenes whose surfaces all send out light by themselves.
     seed
         Images of different seeds are independent.
     device
@@ -99,11 +105,13 @@ def render(
         wavelengths_nm=wavelengths_nm,
         bands=bands,
         precision=precision,
+        max_bounces=max_bounces,
         expected_error=goal.expected_error(),
         device=device,
     )
     check_memory(prepared)
-    pipeline = DirectPipeline(prepared)
+    is_direct = isinstance(prepared.config, KernelConfig)
+    pipeline = DirectPipeline(prepared) if is_direct else PathPipeline(prepared)
     film = Film(prepared, pipeline, seed)
     is_complete = True
     with display(progress, f"tracing {scene.name}") as show, DeferredInterrupt() as interrupt:

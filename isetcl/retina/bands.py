@@ -6,6 +6,7 @@ neighbours. Every wavelength of the grid belongs to exactly one band, for every 
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Literal
 
@@ -96,6 +97,16 @@ def choose_bands(
             if is_fine and _band_error(worst, grid) <= _SHARE_OF_ERROR * expected_error:
                 break
     return BandChoice(chosen, _worst(chosen, cost), is_achromatic)
+
+
+def split_bands(choice: BandChoice, wavelengths_nm: np.ndarray, most: int) -> BandChoice:
+    """The same bands, those of more than `most` wavelengths cut into pieces of like size."""
+    bands = []
+    for band in choice.bands:
+        count = band.last - band.first + 1
+        edges = np.linspace(0, count, -(-count // most) + 1).astype(int) + band.first
+        bands += [_band(wavelengths_nm, int(a), int(b) - 1) for a, b in itertools.pairwise(edges)]
+    return BandChoice(tuple(bands), choice.displacement_pixels, choice.is_achromatic)
 
 
 def _band_error(displacement_pixels: float, grid: RetinalGrid) -> float:

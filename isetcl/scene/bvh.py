@@ -238,3 +238,84 @@ def _open_children(tree: BinaryTree, area: np.ndarray, roots: np.ndarray) -> np.
         children[row, opened] = left
         children[row, used] = left + 1
     return children
+
+
+def closest_hits(
+    tree: WideTree, triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Closest hits of rays (n, 3) on triangles (m, 3, 3) in float64, all rays side by side.
+
+    Slow and simple, for depth maps and views on the host: every ray meets every box on its way.
+
+    Returns
+    -------
+    distance : ndarray, (n,)
+        In units of each direction's length; inf for a miss.
+    triangle : ndarray of int, (n,)
+        -1 for a miss.
+    weights : ndarray, (n, 2)
+        Barycentric weights of the second and third corner.
+    """
+    n = len(origins)
+    distance = np.full(n, np.inf)
+    triangle = np.full(n, -1)
+    weights = np.zeros((n, 2))
+    with np.errstate(divide="ignore"):
+        inverse = 1.0 / np.where(directions == 0.0, 1e-300, directions)
+    rays, nodes = np.arange(n), np.zeros(n, dtype=np.int64)
+    while len(rays):
+        o, i = origins[rays][:, :, None], inverse[rays][:, :, None]
+        with np.errstate(over="ignore", invalid="ignore"):
+            one, other = (tree.lo[nodes] - o) * i, (tree.hi[nodes] - o) * i
+        enter = np.maximum(np.minimum(one, other).max(axis=1), 0.0)
+        leave = np.minimum(
+            np.maximum(one, other).min(axis=1) * (1 + 1e-12), distance[rays][:, None]
+        )
+        is_used = tree.lo[nodes, 0] <= tree.hi[nodes, 0]
+        which, place = np.nonzero(is_used & (enter <= leave))
+        rays, child = rays[which], tree.child[nodes[which], place]
+        leaf = child < 0
+        _hit_leaves(
+            tree,
+            triangles,
+            origins,
+            directions,
+            rays[leaf],
+            -1 - child[leaf],
+            (distance, triangle, weights),
+        )
+        rays, nodes = rays[~leaf], child[~leaf].astype(np.int64)
+    return distance, triangle, weights
+
+
+def _hit_leaves(
+    tree: WideTree,
+    triangles: np.ndarray,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    rays: np.ndarray,
+    blocks: np.ndarray,
+    best: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> None:
+    """Test rays against all triangles of their blocks; keep what is nearer than the best so far."""
+    members = tree.members[blocks]
+    rays, member = np.repeat(rays, WIDTH)[members.ravel() >= 0], members[members >= 0]
+    a, b, c = (triangles[member, k] for k in range(3))
+    d = directions[rays]
+    e1, e2, s = b - a, c - a, origins[rays] - a
+    p = np.cross(d, e2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1.0 / np.einsum("ij,ij->i", e1, p)
+        q = np.cross(s, e1)
+        u = np.einsum("ij,ij->i", s, p) * inverse
+        v = np.einsum("ij,ij->i", d, q) * inverse
+        t = np.einsum("ij,ij->i", e2, q) * inverse
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & np.isfinite(t)
+    rays, member, t, u, v = (x[hit] for x in (rays, member, t, u, v))
+    distance, triangle, weights = best
+    # The nearest of each ray comes last, and so is what stays.
+    order = np.argsort(-t, kind="stable")
+    order = order[t[order] < distance[rays[order]]]
+    distance[rays[order]] = t[order]
+    triangle[rays[order]] = member[order]
+    weights[rays[order]] = np.stack([u[order], v[order]], axis=1)

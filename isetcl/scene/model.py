@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_positive, check_type
-from isetcl.scene.texture import Checkerboard, Image, Texture
+from isetcl.scene.light import DistantLight, Light, PointLight
+from isetcl.scene.material import Diffuse, Emission, Material, UnlitReflectance
+from isetcl.scene.mesh import Mesh
 from isetcl.spectrum import Spectrum
 
 
@@ -81,103 +83,7 @@ class Sphere:
         check_positive("sphere: radius_m", self.radius_m, "m")
 
 
-Shape = Quad | Disc | Sphere
-
-
-def _check_material(name: str, spectra: object, texture: object) -> None:
-    """Refuse what is no spectrum, or tuple of them, and what is no texture."""
-    for spectrum in spectra if isinstance(spectra, (tuple, list)) else (spectra,):
-        check_type(name, spectrum, Spectrum)
-    if texture is not None:
-        check_type(f"{name.split(':')[0]}: texture", texture, (Checkerboard, Image))
-
-
-@dataclass(frozen=True, eq=False)
-class Emission:
-    """A surface that sends out light by itself, alike in all directions and from both sides.
-
-    Parameters
-    ----------
-    radiance
-        Spectral radiance, W m^-2 sr^-1 nm^-1: one spectrum, or three (the primaries) for a
-        coloured image.
-    texture
-        Weights of the radiance over the shape; None is 1 everywhere.
-
-    Raises
-    ------
-    InvalidInputError
-        If the number of spectra is not the number of channels of the texture.
-    """
-
-    radiance: Spectrum | tuple[Spectrum, ...]
-    texture: Texture | None = None
-
-    def __post_init__(self) -> None:
-        _check_material("emission: radiance", self.radiance, self.texture)
-        channels = 1 if self.texture is None else self.texture.channels
-        if len(self.spectra()) != channels:
-            raise InvalidInputError(
-                f"emission: a texture of {channels} channel(s) needs as many spectra, got "
-                f"{len(self.spectra())}; pass one spectrum, or the three display primaries"
-            )
-
-    def spectra(self) -> tuple[Spectrum, ...]:
-        """Spectral radiance of each channel."""
-        return (self.radiance,) if isinstance(self.radiance, Spectrum) else tuple(self.radiance)
-
-
-@dataclass(frozen=True, eq=False)
-class UnlitReflectance:
-    """A matt surface under an even light of its own, as if painted in that light.
-
-    Parameters
-    ----------
-    reflectance
-        Spectral reflectance, 0 to 1: one spectrum, or three for a coloured image.
-    white
-        Spectral radiance of a perfect white there, W m^-2 sr^-1 nm^-1.
-    texture
-        Weights of the reflectance over the shape; None is 1 everywhere.
-
-    Raises
-    ------
-    InvalidInputError
-        If a reflectance exceeds 1, or the number of spectra is not that of the channels.
-    """
-
-    reflectance: Spectrum | tuple[Spectrum, ...]
-    white: Spectrum
-    texture: Texture | None = None
-
-    def __post_init__(self) -> None:
-        _check_material("unlit reflectance: reflectance", self.reflectance, self.texture)
-        check_type("unlit reflectance: white", self.white, Spectrum)
-        for spectrum in self._reflectances():
-            if np.any(spectrum.values > 1.0):
-                raise InvalidInputError(
-                    f"reflectance {spectrum.name!r} must be <= 1, got {spectrum.values.max():g}"
-                )
-        Emission(self.spectra(), self.texture)
-
-    def _reflectances(self) -> tuple[Spectrum, ...]:
-        single = isinstance(self.reflectance, Spectrum)
-        return (self.reflectance,) if single else tuple(self.reflectance)  # type: ignore[return-value, arg-type]
-
-    def spectra(self) -> tuple[Spectrum, ...]:
-        """Spectral radiance of each channel: reflectance times white, on the finer of the grids."""
-        products = []
-        for reflectance in self._reflectances():
-            grid = np.union1d(reflectance.wavelengths_nm, self.white.wavelengths_nm)
-            low = max(reflectance.wavelengths_nm[0], self.white.wavelengths_nm[0])
-            high = min(reflectance.wavelengths_nm[-1], self.white.wavelengths_nm[-1])
-            grid = grid[(grid >= low) & (grid <= high)]
-            name = f"{reflectance.name} under {self.white.name}"
-            products.append(Spectrum(grid, reflectance.at(grid) * self.white.at(grid), name))
-        return tuple(products)
-
-
-Material = Emission | UnlitReflectance
+Shape = Quad | Disc | Sphere | Mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,8 +96,10 @@ class SceneObject:
 
     def __post_init__(self) -> None:
         check_type("scene object: name", self.name, str)
-        check_type(f"object {self.name!r}: shape", self.shape, (Quad, Disc, Sphere))
-        check_type(f"object {self.name!r}: material", self.material, (Emission, UnlitReflectance))
+        check_type(f"object {self.name!r}: shape", self.shape, (Quad, Disc, Sphere, Mesh))
+        check_type(
+            f"object {self.name!r}: material", self.material, (Emission, UnlitReflectance, Diffuse)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,14 +112,17 @@ class Scene:
         The objects. Where two coincide exactly, the earlier one is seen.
     background
         Spectral radiance from directions in which there is nothing, W m^-2 sr^-1 nm^-1; None is
-        black.
+        black. It lights the scene, too.
     name
         For reports.
+    lights
+        Lights without a surface.
     """
 
     objects: tuple[SceneObject, ...] = ()
     background: Spectrum | None = None
     name: str = "scene"
+    lights: tuple[Light, ...] = ()
     _digest: str = field(init=False, repr=False, default="")
 
     def __post_init__(self) -> None:
@@ -221,7 +132,21 @@ class Scene:
             check_type(f"scene: objects[{i}]", item, SceneObject)
         if self.background is not None:
             check_type("scene: background", self.background, Spectrum)
+        check_type("scene: lights", self.lights, (tuple, list))
+        object.__setattr__(self, "lights", tuple(self.lights))
+        for i, light in enumerate(self.lights):
+            check_type(f"scene: lights[{i}]", light, (PointLight, DistantLight))
         object.__setattr__(self, "_digest", self._hash())
+
+    @property
+    def has_reflection(self) -> bool:
+        """Whether any surface scatters light, so that paths go on behind it."""
+        return any(isinstance(item.material, Diffuse) for item in self.objects)
+
+    @property
+    def has_meshes(self) -> bool:
+        """Whether any shape is a triangle mesh."""
+        return any(isinstance(item.shape, Mesh) for item in self.objects)
 
     def digest(self) -> str:
         """A hash of everything in the scene, for provenance and caches."""
@@ -231,6 +156,9 @@ class Scene:
         parts = [self.background.digest() if self.background else "black"]
         for item in self.objects:
             texture = item.material.texture
-            parts += [repr(item.shape), texture.digest() if texture else "plain"]
+            shape = item.shape.digest() if isinstance(item.shape, Mesh) else repr(item.shape)
+            kind = type(item.material).__name__
+            parts += [kind, shape, texture.digest() if texture else "plain"]
             parts += [spectrum.digest() for spectrum in item.material.spectra()]
+        parts += [light.digest() for light in self.lights]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]

@@ -22,7 +22,8 @@ from isetcl.errors import (
     check_type,
 )
 from isetcl.scene.display import display_primaries
-from isetcl.scene.model import Disc, Emission, Quad, Scene, SceneObject
+from isetcl.scene.material import Emission
+from isetcl.scene.model import Disc, Quad, Scene, SceneObject
 from isetcl.scene.texture import Checkerboard, Image, Texture
 from isetcl.spectrum import Spectrum
 

@@ -50,6 +50,16 @@ class Checkerboard:
                     f"checkerboard: {name} must be >= 0, got {getattr(self, name):g}"
                 )
 
+    @property
+    def largest(self) -> float:
+        """The largest weight."""
+        return max(self.bright, self.dark)
+
+    @property
+    def mean(self) -> float:
+        """The mean weight, for estimates."""
+        return (self.bright + self.dark) / 2.0
+
     def weights(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Weights at texture coordinates, shape (..., 1)."""
         parity = np.floor(2.0 * u * self.periods_u) + np.floor(2.0 * v * self.periods_v)
@@ -101,6 +111,16 @@ class Image:
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return int(self.texels.shape[0]), int(self.texels.shape[1])
+
+    @property
+    def largest(self) -> float:
+        """The largest weight."""
+        return float(self.texels.max())
+
+    @property
+    def mean(self) -> float:
+        """The mean weight, for estimates."""
+        return float(self.texels.mean())
 
     def weights(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Weights at texture coordinates, shape (..., channels)."""

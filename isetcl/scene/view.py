@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isetcl.scene.bvh import closest_hits
+from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Shape, Sphere
 from isetcl.scene.texture import Image
 
@@ -31,6 +33,8 @@ def intersect(shape: Shape, origins_m: np.ndarray, directions: np.ndarray) -> Hi
     """Hits of rays (..., 3) with a shape; directions are unit vectors, distances positive."""
     if isinstance(shape, Sphere):
         return _intersect_sphere(shape, origins_m, directions)
+    if isinstance(shape, Mesh):
+        return _intersect_mesh(shape, origins_m, directions)
     quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
     hits = _intersect_quad(quad, origins_m, directions)
     if isinstance(shape, Disc):
@@ -74,6 +78,21 @@ def _intersect_sphere(sphere: Sphere, origins: np.ndarray, directions: np.ndarra
     return Hits(np.where(hit, distance, np.inf), u, v)
 
 
+def _intersect_mesh(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> Hits:
+    origins, directions = np.broadcast_arrays(origins, directions)
+    distance, triangle, weight = closest_hits(
+        mesh.tree, mesh.triangles_m, origins.reshape(-1, 3), directions.reshape(-1, 3)
+    )
+    uv = np.zeros((len(distance), 2))
+    hit = triangle >= 0
+    if mesh.uv is not None:
+        corner = mesh.uv[mesh.faces[triangle[hit]]]
+        b, c = weight[hit, :1], weight[hit, 1:]
+        uv[hit] = (1 - b - c) * corner[:, 0] + b * corner[:, 1] + c * corner[:, 2]
+    shape = origins.shape[:-1]
+    return Hits(distance.reshape(shape), uv[:, 0].reshape(shape), uv[:, 1].reshape(shape))
+
+
 def weights(item: SceneObject, hits: Hits) -> np.ndarray:
     """Texture weights of an object at its hits, shape (..., channels); 0 where it is missed."""
     texture = item.material.texture
@@ -100,7 +119,12 @@ def nearest_distance_m(
 
 
 def outline_points(shape: Shape, origin_m: np.ndarray, count: int) -> np.ndarray:
-    """Points (count, 3) along the outline of a shape as seen from a point; none from inside it."""
+    """Points (count, 3) along the outline of a shape as seen from a point; none from inside it.
+
+    Of a mesh, `count` of its corners.
+    """
+    if isinstance(shape, Mesh):
+        return shape.vertices_m[np.linspace(0, len(shape.vertices_m) - 1, count).astype(int)]
     if isinstance(shape, Sphere):
         centre = np.array(shape.centre_m)
         away = centre - origin_m
@@ -133,7 +157,9 @@ def _circle(centre: np.ndarray, normal: np.ndarray, radius: float, count: int) -
 def texels_across(shape: Shape, image: Image, nearest_m: float, angle_rad: float) -> float:
     """Texels of a shape's picture across a cone of rays of an angle, at a distance in metres."""
     rows, columns = image.shape
-    if isinstance(shape, Sphere):
+    if isinstance(shape, Mesh):
+        texel_m = _texel_of_mesh(shape, rows * columns)
+    elif isinstance(shape, Sphere):
         texel_m = shape.radius_m * np.pi * max(2.0 / columns, 1.0 / rows)
     else:
         quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
@@ -143,3 +169,15 @@ def texels_across(shape: Shape, image: Image, nearest_m: float, angle_rad: float
             1.0 / (rows * float(np.linalg.norm(axis_v))),
         )
     return float(nearest_m * angle_rad / texel_m)
+
+
+def _texel_of_mesh(mesh: Mesh, texels: int) -> float:
+    """Mean width of a texel on a mesh, metres; infinite without texture coordinates."""
+    if mesh.uv is None:
+        return float("inf")
+    a, b, c = (mesh.triangles_m[:, k] for k in range(3))
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    corner = mesh.uv[mesh.faces]
+    e1, e2 = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    uv_area = float(np.abs(e1[:, 0] * e2[:, 1] - e1[:, 1] * e2[:, 0]).sum())
+    return float(np.sqrt(area / (uv_area * texels))) if uv_area > 0 else float("inf")

@@ -130,6 +130,20 @@ INLINE real64 sqrt_of_64(real64 x) {
 INLINE realv square_root(realv x) { return JOIN(sqrt_of_, WIDTH)(x); }
 #endif
 
+/* scalar_root - the square root of one number. */
+#if CPU_BUILTINS
+INLINE real scalar_root(real x) { return SQRT1(x); }
+#else
+INLINE real scalar_root(real x) { return sqrt(x); }
+#endif
+
+/* What is nearer by less than this factor lies in the same place; the earlier shape is then seen. */
+#if DOUBLE_PRECISION
+#define COINCIDENT (1 - 1.8e-15)
+#else
+#define COINCIDENT (1 - 4.8e-7f)
+#endif
+
 INLINE realv magnitude(realv x) { return x < 0 ? -x : x; }
 INLINE realv larger(realv a, realv b) { return a > b ? a : b; }
 INLINE realv smaller(realv a, realv b) { return a < b ? a : b; }

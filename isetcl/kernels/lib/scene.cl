@@ -5,13 +5,6 @@
  */
 #include "lib/real.cl"
 
-/* What is nearer by less than this factor lies in the same place; the earlier shape is then seen. */
-#if DOUBLE_PRECISION
-#define COINCIDENT (1 - 1.8e-15)
-#else
-#define COINCIDENT (1 - 4.8e-7f)
-#endif
-
 /* hitv - the nearest hit so far. */
 typedef struct {
   realv distance;
