@@ -107,6 +107,16 @@ def sobol_integers(count, dimension):
     return np.asarray(ordered * 2.0**30, dtype=np.uint64).astype(np.uint32) << np.uint32(2)
 
 
+def _owen(digits, seed):
+    """The digit tree of words, first digit lowest, permuted as the kernels do."""
+    with np.errstate(over="ignore"):
+        x = digits ^ (digits * np.uint32(0x3D20ADEA))
+        x = x + seed
+        x = x * ((seed >> np.uint32(16)) | np.uint32(1))
+        x = x ^ (x * np.uint32(0x05526C56))
+        return x ^ (x * np.uint32(0x53A22864))
+
+
 def owen_sobol(index, dimension, stream, bits):
     """Scrambled coordinate of sample numbers `index` in a stream, as the kernels define it."""
     words = sobol_integers(int(np.max(index)) + 1, dimension)[index]
@@ -114,13 +124,19 @@ def owen_sobol(index, dimension, stream, bits):
         seed = _mix(
             np.asarray(stream, np.uint32) + np.uint32((dimension * 0x632BE5AB) & 0xFFFFFFFF)
         )
-        x = _reverse(words)
-        x = x ^ (x * np.uint32(0x3D20ADEA))
-        x = x + seed
-        x = x * ((seed >> np.uint32(16)) | np.uint32(1))
-        x = x ^ (x * np.uint32(0x05526C56))
-        x = x ^ (x * np.uint32(0x53A22864))
+    x = _owen(_reverse(words), seed)
     return (_reverse(x) >> np.uint32(32 - bits)).astype(np.float64) * 2.0**-bits
+
+
+def bounce_numbers(sample, index_bits, pixel_stream, bounce, bits):
+    """Eight numbers of a bounce for sample numbers, (8, samples), as the kernels define them."""
+    numbers = []
+    for set_ in range(2):
+        word = np.uint32(((2 * bounce + set_ + 1) * 0x9E3779B9) & 0xFFFFFFFF)
+        stream = _mix(np.uint32(pixel_stream) ^ _mix(word))
+        order = _reverse(_owen(_reverse(sample), stream)) & np.uint32((1 << index_bits) - 1)
+        numbers += [owen_sobol(order, d, np.full(len(order), stream), bits) for d in range(4)]
+    return np.array(numbers)
 
 
 def concentric(u, v):

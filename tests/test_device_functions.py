@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from oracles import concentric, owen_sobol, sobol_integers
+from oracles import bounce_numbers, concentric, owen_sobol, sobol_integers
 
 from isetcl.device import program
 from isetcl.device.layout import real_dtype
@@ -19,10 +19,11 @@ EPSILON = {"single": 2.0**-24, "double": 2.0**-53}
 class Probe:
     """Calls a probe kernel on planes of values."""
 
-    def __init__(self, device, precision):
+    def __init__(self, device, precision, width=None):
         self.device = device
         self.real = real_dtype(precision)
-        self.config = KernelConfig(precision, device.vector_width(precision), n_basis=3)
+        width = device.vector_width(precision) if width is None else width
+        self.config = KernelConfig(precision, width, n_basis=3)
         source = program.assemble(
             PROBES, self.config.defines(device), pack.declarations(self.config)
         )
@@ -116,6 +117,24 @@ def test_scrambled_points_are_those_of_the_numpy_version(probe, precision, dimen
     for i, stream in enumerate(streams):
         expected = owen_sobol(np.arange(64), dimension, np.full(64, stream), bits)
         np.testing.assert_array_equal(got[:, i], expected)
+
+
+@pytest.mark.parametrize("bounce", [0, 1, 7])
+def test_the_numbers_of_a_bounce_are_those_of_the_numpy_version(device, precision, bounce):
+    samples, bits, stream = 200, 8, 4321
+    probe = Probe(device, precision, 1)
+    got = probe(
+        "probe_bounce", np.full(samples, float(stream)), 8, np.int32(bits), np.int32(bounce)
+    )
+    expected = bounce_numbers(
+        np.arange(samples), bits, stream, bounce, 24 if precision == "single" else 31
+    )
+    np.testing.assert_array_equal(got, expected)
+    # In every set all 256 samples fill every box of 16 x 16 of the first two dimensions once.
+    full = bounce_numbers(np.arange(256), bits, stream, bounce, 24)
+    for set_ in (0, 4):
+        boxes = np.floor(full[set_] * 16) * 16 + np.floor(full[set_ + 1] * 16)
+        assert len(np.unique(boxes)) == 256
 
 
 @pytest.mark.parametrize("log2_count", [3, 5, 8, 10])

@@ -7,8 +7,8 @@
  * A path carries four neighbouring wavelengths of one band. Throughput is relative to the weight it
  * left the eye with.
  */
+#include "lib/bounce.cl"
 #include "lib/disc.cl"
-#include "lib/sobol.cl"
 #include "lib/surface.cl"
 
 #define PI_ R(3.14159265358979323846)
@@ -27,31 +27,14 @@ kernel void find_hits(const int n_alive, global const int *restrict alive, const
   const int slot = is_first ? i : alive[i];
   shape_hit_t hit = {INFINITY, -1, -1, 0, 0};
   if (weight[slot] > 0)
-    hit = first_hit(origin[slot], origin[n_slots + slot], origin[2 * n_slots + slot],
-                    direction[slot], direction[n_slots + slot], direction[2 * n_slots + slot],
-                    world, flats, balls, nodes, blocks, triangle_object);
+    first_hit(origin[slot], origin[n_slots + slot], origin[2 * n_slots + slot], direction[slot],
+              direction[n_slots + slot], direction[2 * n_slots + slot], world, flats, balls, nodes,
+              blocks, triangle_object, &hit);
   distance[slot] = hit.distance;
   object[slot] = hit.object;
   triangle[slot] = hit.triangle;
   hit_uv[slot] = hit.u;
   hit_uv[n_slots + slot] = hit.v;
-}
-
-/* bounce_numbers - eight numbers in [0, 1) for one bounce of a path.
- *
- * Two sets of four Sobol' dimensions; for each bounce and set the samples of a pixel are taken in
- * another order and scrambled anew.
- * bits   digits of the largest sample number
- * Source: B. Burley (2020), "Practical hash-based Owen scrambling", JCGT 9(4), section 4.
- */
-INLINE void bounce_numbers(uint sample, int bits, uint pixel_stream, int bounce, real *number) {
-  for (int set = 0; set < 2; ++set) {
-    const uint stream = mix_bits(pixel_stream ^ mix_bits((uint)(2 * bounce + set + 1) * 0x9e3779b9u));
-    const uint order = reverse_bits(owen_scramble(reverse_bits(sample), stream));
-    const uint shuffled = order & ((1u << bits) - 1u);
-    for (int dimension = 0; dimension < 4; ++dimension)
-      number[4 * set + dimension] = sobol_coordinate(shuffled, dimension, stream);
-  }
 }
 
 /* tangents - two unit vectors at right angles to a unit vector n and to each other.
@@ -113,32 +96,32 @@ INLINE int choose_light(constant light_t *lights, int n_lights, real u) {
 }
 
 /* sample_light - a direction from a point to a place on a light, and what comes from there. */
-INLINE light_sample_t sample_light(const point_t *from, real choice, real u, real v,
-                                   constant world_t *world, constant light_t *lights,
-                                   constant object_t *objects, constant flat_t *flats,
-                                   constant ball_t *balls, constant substance_t *substances,
-                                   constant picture_t *pictures, global const float *texels,
-                                   global const real *corners, global const real *uvs,
-                                   global const real *spectra, int n_columns, int first) {
-  light_sample_t sample;
+INLINE void sample_light(const point_t *from, real choice, real u, real v,
+                         constant world_t *world, constant light_t *lights,
+                         constant object_t *objects, constant flat_t *flats,
+                         constant ball_t *balls, constant substance_t *substances,
+                         constant picture_t *pictures, global const float *texels,
+                         global const real *corners, global const real *uvs,
+                         global const real *spectra, int n_columns, int first,
+                         light_sample_t *sample) {
   constant light_t *light = lights + choose_light(lights, world->n_lights, choice);
-  sample.density = 0;
-  sample.light = (real4)(0);
+  sample->density = 0;
+  sample->light = (real4)(0);
   if (light->kind == LIGHT_DISTANT) {
-    for (int k = 0; k < 3; ++k) sample.d[k] = light->place[k];
-    sample.distance = INFINITY;
-    sample.light = wavelengths4(spectra, n_columns, light->row, first) / light->probability;
-    return sample;
+    for (int k = 0; k < 3; ++k) sample->d[k] = light->place[k];
+    sample->distance = INFINITY;
+    sample->light = wavelengths4(spectra, n_columns, light->row, first) / light->probability;
+    return;
   }
   if (light->kind == LIGHT_POINT) {
     const real x = light->place[0] - from->x, y = light->place[1] - from->y,
                z = light->place[2] - from->z;
     const real d2 = dot3(x, y, z, x, y, z), inverse = 1 / scalar_root(d2);
-    sample.d[0] = x * inverse, sample.d[1] = y * inverse, sample.d[2] = z * inverse;
-    sample.distance = d2 * inverse;
-    sample.light =
+    sample->d[0] = x * inverse, sample->d[1] = y * inverse, sample->d[2] = z * inverse;
+    sample->distance = d2 * inverse;
+    sample->light =
         wavelengths4(spectra, n_columns, light->row, first) / (d2 * light->probability);
-    return sample;
+    return;
   }
   constant object_t *object = objects + light->object;
   constant substance_t *substance = substances + object->substance;
@@ -153,38 +136,38 @@ INLINE light_sample_t sample_light(const point_t *from, real choice, real u, rea
     real cosine, sine;
     if (ratio2 >= 1) {
       cosine = 1 - 2 * u;
-      sample.density = light->probability / (4 * PI_);
+      sample->density = light->probability / (4 * PI_);
     } else {
       const real versed = ratio2 / (1 + scalar_root(1 - ratio2));
       cosine = 1 - u * versed;
-      sample.density = light->probability / (2 * PI_ * versed);
+      sample->density = light->probability / (2 * PI_ * versed);
     }
     sine = scalar_root(1 - cosine * cosine > 0 ? 1 - cosine * cosine : 0);
     real t[3], b[3];
     const real ax = x / away, ay = y / away, az = z / away;
     tangents(ax, ay, az, t, b);
     const real phi = 2 * PI_ * v, c = cos(phi) * sine, s = sin(phi) * sine;
-    sample.d[0] = cosine * ax + c * t[0] + s * b[0];
-    sample.d[1] = cosine * ay + c * t[1] + s * b[1];
-    sample.d[2] = cosine * az + c * t[2] + s * b[2];
-    const real distance = ball_hit(ball, from->x, from->y, from->z, sample.d[0], sample.d[1],
-                                   sample.d[2]);
-    sample.distance = distance;
-    if (!(distance > 0)) return sample;
+    sample->d[0] = cosine * ax + c * t[0] + s * b[0];
+    sample->d[1] = cosine * ay + c * t[1] + s * b[1];
+    sample->d[2] = cosine * az + c * t[2] + s * b[2];
+    const real distance = ball_hit(ball, from->x, from->y, from->z, sample->d[0], sample->d[1],
+                                   sample->d[2]);
+    sample->distance = distance;
+    if (!(distance > 0)) return;
 #if HAS_TEXTURED_BALLS
     if (substance->kind != MATERIAL_UNIFORM) {
-      const real px = (from->x + distance * sample.d[0] - ball->centre[0]) / ball->radius;
-      const real py = (from->y + distance * sample.d[1] - ball->centre[1]) / ball->radius;
-      const real pz = (from->z + distance * sample.d[2] - ball->centre[2]) / ball->radius;
+      const real px = (from->x + distance * sample->d[0] - ball->centre[0]) / ball->radius;
+      const real py = (from->y + distance * sample->d[1] - ball->centre[1]) / ball->radius;
+      const real pz = (from->z + distance * sample->d[2] - ball->centre[2]) / ball->radius;
       const real turn = turn_of_vector(px, pz);
       tu = turn < 0 ? turn + 1 : turn;
       tv = R(0.5) + turn_of_vector(py, scalar_root(px * px + pz * pz));
     }
 #endif
-    sample.light = textured4(substance, substance->emission, tu, tv, pictures, texels, spectra,
+    sample->light = textured4(substance, substance->emission, tu, tv, pictures, texels, spectra,
                              n_columns, first) /
-                   sample.density;
-    return sample;
+                   sample->density;
+    return;
   }
 #endif
 #if HAS_FLATS
@@ -222,16 +205,15 @@ INLINE light_sample_t sample_light(const point_t *from, real choice, real u, rea
 #endif
   const real x = qx - from->x, y = qy - from->y, z = qz - from->z;
   const real d2 = dot3(x, y, z, x, y, z), inverse = 1 / scalar_root(d2);
-  sample.d[0] = x * inverse, sample.d[1] = y * inverse, sample.d[2] = z * inverse;
-  sample.distance = d2 * inverse;
-  real cosine = dot3(nx, ny, nz, sample.d[0], sample.d[1], sample.d[2]);
+  sample->d[0] = x * inverse, sample->d[1] = y * inverse, sample->d[2] = z * inverse;
+  sample->distance = d2 * inverse;
+  real cosine = dot3(nx, ny, nz, sample->d[0], sample->d[1], sample->d[2]);
   cosine = cosine < 0 ? -cosine : cosine;
-  if (!(cosine > 0) || !(d2 > 0)) return sample;
-  sample.density = object->density * d2 / cosine;
-  sample.light = textured4(substance, substance->emission, tu, tv, pictures, texels, spectra,
+  if (!(cosine > 0) || !(d2 > 0)) return;
+  sample->density = object->density * d2 / cosine;
+  sample->light = textured4(substance, substance->emission, tu, tv, pictures, texels, spectra,
                            n_columns, first) /
-                 sample.density;
-  return sample;
+                 sample->density;
 }
 #endif
 
@@ -258,107 +240,121 @@ kernel void shade(
     global int *restrict n_shadowed, global real *restrict shadow_origin,
     global real *restrict shadow_direction, global real *restrict shadow_most,
     global real4 *restrict shadow_light) {
-  const int i = get_global_id(0);
-  if (i >= n_alive) return;
-  const int slot = bounce == 0 ? i : alive[i];
-  if (bounce == 0) radiance[slot] = (real4)(0);
-  if (!(weight[slot] > 0)) return;
-  const int pixel = slot % n_padded, rest = slot / n_padded;
-  const int band = rest % n_bands, number = rest / n_bands;
-  const int first = band_first[band];
-  real4 carried = bounce == 0 ? (real4)(1) : throughput[slot];
-  const real density = bounce == 0 ? -1 : last_density[slot];
-  shape_hit_t hit;
-  hit.object = hit_object[slot];
-  if (hit.object < 0) {
-    if (world->background >= 0)
-      radiance[slot] += carried * wavelengths4(spectra, n_columns, world->background, first);
-    return;
-  }
-  hit.distance = distance[slot];
-  hit.triangle = hit_triangle[slot];
-  hit.u = hit_uv[slot];
-  hit.v = hit_uv[n_slots + slot];
-  const real ox = origin[slot], oy = origin[n_slots + slot], oz = origin[2 * n_slots + slot];
-  const real dx = direction[slot], dy = direction[n_slots + slot],
-             dz = direction[2 * n_slots + slot];
-  constant object_t *object = objects + hit.object;
-  constant substance_t *substance = substances + object->substance;
-  const point_t point = meet(ox, oy, oz, dx, dy, dz, hit, objects, flats, balls, substances,
-                             corners, normals, uvs);
-  /* Add what the surface sends out; weigh it against finding the same place as a light. */
-  if (substance->emission >= 0) {
-    real share = 1;
-    if (density > 0) {
-      const real cosine = -dot3(point.nx, point.ny, point.nz, dx, dy, dz);
-      const real other = light_density(object, balls, ox, oy, oz, hit.distance, cosine);
-      share = density / (density + other);
+  /* A counter shared by all work-items is dear on a CPU; a chunk of paths asks it once. */
+  const int begin = (int)get_global_id(0) * PATHS_AN_ITEM;
+  const int end = begin + PATHS_AN_ITEM < n_alive ? begin + PATHS_AN_ITEM : n_alive;
+  int going[PATHS_AN_ITEM], waiting[PATHS_AN_ITEM];
+  int n_going = 0, n_waiting = 0;
+  for (int i = begin; i < end; ++i) {
+    const int slot = bounce == 0 ? i : alive[i];
+    if (bounce == 0) radiance[slot] = (real4)(0);
+    if (!(weight[slot] > 0)) continue;
+    const int pixel = slot % n_padded, rest = slot / n_padded;
+    const int band = rest % n_bands, number = rest / n_bands;
+    const int first = band_first[band];
+    real4 carried = bounce == 0 ? (real4)(1) : throughput[slot];
+    const real density = bounce == 0 ? -1 : last_density[slot];
+    shape_hit_t hit;
+    hit.object = hit_object[slot];
+    if (hit.object < 0) {
+      if (world->background >= 0)
+        radiance[slot] += carried * wavelengths4(spectra, n_columns, world->background, first);
+      continue;
     }
-    radiance[slot] += carried * share *
-                      textured4(substance, substance->emission, point.u, point.v, pictures, texels,
-                                spectra, n_columns, first);
-  }
+    hit.distance = distance[slot];
+    hit.triangle = hit_triangle[slot];
+    hit.u = hit_uv[slot];
+    hit.v = hit_uv[n_slots + slot];
+    const real ox = origin[slot], oy = origin[n_slots + slot], oz = origin[2 * n_slots + slot];
+    const real dx = direction[slot], dy = direction[n_slots + slot],
+               dz = direction[2 * n_slots + slot];
+    constant object_t *object = objects + hit.object;
+    constant substance_t *substance = substances + object->substance;
+    point_t point;
+    meet(ox, oy, oz, dx, dy, dz, &hit, objects, flats, balls, substances, corners, normals, uvs,
+         &point);
+    /* Add what the surface sends out; weigh it against finding the same place as a light. */
+    if (substance->emission >= 0) {
+      real share = 1;
+      if (density > 0) {
+        const real cosine = -dot3(point.nx, point.ny, point.nz, dx, dy, dz);
+        const real other = light_density(object, balls, ox, oy, oz, hit.distance, cosine);
+        share = density / (density + other);
+      }
+      radiance[slot] += carried * share *
+                        textured4(substance, substance->emission, point.u, point.v, pictures, texels,
+                                  spectra, n_columns, first);
+    }
 #if HAS_REFLECTION
-  if (substance->reflectance < 0 || bounce >= max_bounces) return;
-  const uint row = (uint)(pixel / tile->columns), column = (uint)(pixel % tile->columns);
-  const uint pixel_stream =
-      mix_bits(mix_bits((row + tile->y) * tile->image_width + column + tile->x) + stream);
-  real chance[8];
-  bounce_numbers((uint)band * block + first_sample + (uint)number, bits, pixel_stream, bounce,
-                 chance);
-  const real4 albedo = textured4(substance, substance->reflectance, point.u, point.v, pictures,
-                                 texels, spectra, n_columns, first);
-  const real off = step_off(&point);
+    if (substance->reflectance < 0 || bounce >= max_bounces) continue;
+    const uint row = (uint)(pixel / tile->columns), column = (uint)(pixel % tile->columns);
+    const uint pixel_stream =
+        mix_bits(mix_bits((row + tile->y) * tile->image_width + column + tile->x) + stream);
+    real chance[8];
+    bounce_numbers((uint)band * block + first_sample + (uint)number, bits, pixel_stream, bounce,
+                   chance);
+    const real4 albedo = textured4(substance, substance->reflectance, point.u, point.v, pictures,
+                                   texels, spectra, n_columns, first);
+    const real off = step_off(&point);
 #if HAS_LIGHTS
-  /* Ask one light directly. */
-  const light_sample_t to_light =
-      sample_light(&point, chance[2], chance[4], chance[5], world, lights, objects, flats, balls,
-                   substances, pictures, texels, corners, uvs, spectra, n_columns, first);
-  const real cosine = dot3(point.sx, point.sy, point.sz, to_light.d[0], to_light.d[1], to_light.d[2]);
-  const real side = dot3(point.nx, point.ny, point.nz, to_light.d[0], to_light.d[1], to_light.d[2]);
-  if (cosine > 0 && side > 0 && to_light.distance > 0) {
-    const real scattered = cosine / PI_;
-    const real share =
-        to_light.density > 0 ? to_light.density / (to_light.density + scattered) : 1;
-    const real4 light = carried * albedo * to_light.light * (scattered * share);
-    if (light.x > 0 || light.y > 0 || light.z > 0 || light.w > 0) {
-      shadow_origin[slot] = point.x + off * point.nx;
-      shadow_origin[n_slots + slot] = point.y + off * point.ny;
-      shadow_origin[2 * n_slots + slot] = point.z + off * point.nz;
-      for (int k = 0; k < 3; ++k) shadow_direction[k * n_slots + slot] = to_light.d[k];
-      /* Stop short of the light itself. */
-      shadow_most[slot] = to_light.distance * (1 - 64 * ROUNDING) - 2 * off;
-      shadow_light[slot] = light;
-      shadowed[atomic_inc(n_shadowed)] = slot;
+    /* Ask one light directly. */
+    light_sample_t to_light;
+    sample_light(&point, chance[2], chance[4], chance[5], world, lights, objects, flats, balls,
+                 substances, pictures, texels, corners, uvs, spectra, n_columns, first, &to_light);
+    const real cosine = dot3(point.sx, point.sy, point.sz, to_light.d[0], to_light.d[1], to_light.d[2]);
+    const real side = dot3(point.nx, point.ny, point.nz, to_light.d[0], to_light.d[1], to_light.d[2]);
+    if (cosine > 0 && side > 0 && to_light.distance > 0) {
+      const real scattered = cosine / PI_;
+      const real share =
+          to_light.density > 0 ? to_light.density / (to_light.density + scattered) : 1;
+      const real4 light = carried * albedo * to_light.light * (scattered * share);
+      if (light.x > 0 || light.y > 0 || light.z > 0 || light.w > 0) {
+        shadow_origin[slot] = point.x + off * point.nx;
+        shadow_origin[n_slots + slot] = point.y + off * point.ny;
+        shadow_origin[2 * n_slots + slot] = point.z + off * point.nz;
+        for (int k = 0; k < 3; ++k) shadow_direction[k * n_slots + slot] = to_light.d[k];
+        /* Stop short of the light itself. */
+        shadow_most[slot] = to_light.distance * (1 - 64 * ROUNDING) - 2 * off;
+        shadow_light[slot] = light;
+        waiting[n_waiting++] = slot;
+      }
     }
-  }
 #endif
-  /* Go on in a direction drawn from the surface. */
-  carried *= albedo;
-  const real xy = carried.x > carried.y ? carried.x : carried.y;
-  const real zw = carried.z > carried.w ? carried.z : carried.w;
-  const real most = xy > zw ? xy : zw;
-  if (bounce >= 2) {
-    const real survival = most < R(0.95) ? most : R(0.95);
-    if (!(chance[3] < survival)) return;
-    carried /= survival;
-  }
-  if (!(most > 0)) return;
-  real d[3];
-  cosine_direction(point.sx, point.sy, point.sz, chance[0], chance[1], d);
-  if (!(dot3(point.nx, point.ny, point.nz, d[0], d[1], d[2]) > 0)) return;
-  origin[slot] = point.x + off * point.nx;
-  origin[n_slots + slot] = point.y + off * point.ny;
-  origin[2 * n_slots + slot] = point.z + off * point.nz;
-  for (int k = 0; k < 3; ++k) direction[k * n_slots + slot] = d[k];
-  throughput[slot] = carried;
+    /* Go on in a direction drawn from the surface. */
+    carried *= albedo;
+    const real xy = carried.x > carried.y ? carried.x : carried.y;
+    const real zw = carried.z > carried.w ? carried.z : carried.w;
+    const real most = xy > zw ? xy : zw;
+    if (bounce >= 2) {
+      const real survival = most < R(0.95) ? most : R(0.95);
+      if (!(chance[3] < survival)) continue;
+      carried /= survival;
+    }
+    if (!(most > 0)) continue;
+    real d[3];
+    cosine_direction(point.sx, point.sy, point.sz, chance[0], chance[1], d);
+    if (!(dot3(point.nx, point.ny, point.nz, d[0], d[1], d[2]) > 0)) continue;
+    origin[slot] = point.x + off * point.nx;
+    origin[n_slots + slot] = point.y + off * point.ny;
+    origin[2 * n_slots + slot] = point.z + off * point.nz;
+    for (int k = 0; k < 3; ++k) direction[k * n_slots + slot] = d[k];
+    throughput[slot] = carried;
 #if HAS_LIGHTS
-  last_density[slot] = dot3(point.sx, point.sy, point.sz, d[0], d[1], d[2]) / PI_;
+    last_density[slot] = dot3(point.sx, point.sy, point.sz, d[0], d[1], d[2]) / PI_;
 #else
-  last_density[slot] = -1;
+    last_density[slot] = -1;
 #endif
-  next[atomic_inc(n_next)] = slot;
+    going[n_going++] = slot;
 #endif
+  }
+  if (n_going > 0) {
+    const int at = atomic_add(n_next, n_going);
+    for (int i = 0; i < n_going; ++i) next[at + i] = going[i];
+  }
+  if (n_waiting > 0) {
+    const int at = atomic_add(n_shadowed, n_waiting);
+    for (int i = 0; i < n_waiting; ++i) shadowed[at + i] = waiting[i];
+  }
 }
 
 /* connect - adds the light that nothing hides. */

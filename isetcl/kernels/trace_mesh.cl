@@ -17,8 +17,9 @@ kernel void trace_mesh(const int n, global const real *restrict origin,
                        global real *restrict weights) {
   const int i = get_global_id(0);
   if (i >= n) return;
-  const mesh_ray_t ray = mesh_ray(origin[i], origin[n + i], origin[2 * n + i], direction[i],
-                                  direction[n + i], direction[2 * n + i]);
+  mesh_ray_t ray;
+  mesh_ray(origin[i], origin[n + i], origin[2 * n + i], direction[i], direction[n + i],
+           direction[2 * n + i], &ray);
   mesh_hit_t hit = {range[n + i], -1, 0, 0};
   closest_hit(&ray, nodes, blocks, range[i], &hit);
   distance[i] = hit.triangle < 0 ? INFINITY : hit.distance;
@@ -34,7 +35,8 @@ kernel void occlude_mesh(const int n, global const real *restrict origin,
                          global int *restrict occluded) {
   const int i = get_global_id(0);
   if (i >= n) return;
-  const mesh_ray_t ray = mesh_ray(origin[i], origin[n + i], origin[2 * n + i], direction[i],
-                                  direction[n + i], direction[2 * n + i]);
+  mesh_ray_t ray;
+  mesh_ray(origin[i], origin[n + i], origin[2 * n + i], direction[i], direction[n + i],
+           direction[2 * n + i], &ray);
   occluded[i] = any_hit(&ray, nodes, blocks, range[i], range[n + i]);
 }

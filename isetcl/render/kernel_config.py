@@ -83,6 +83,11 @@ SAMPLES_AT_ONCE = 8
 sums are the same too."""
 
 
+def paths_an_item(device: Device) -> int:
+    """Paths that a work-item shades one after the other."""
+    return 64 if device.is_cpu else 1
+
+
 @dataclass(frozen=True)
 class PathConfig:
     """Compile-time features of the path pipeline, and how far it follows paths.
@@ -137,6 +142,7 @@ class PathConfig:
     def path_defines(self, device: Device) -> dict[str, int]:
         """The #defines of the stages that follow paths, those of the device included."""
         return device.defines(self.precision, 1) | {
+            "PATHS_AN_ITEM": paths_an_item(device),
             "HAS_FLATS": int(self.has_flats),
             "HAS_BALLS": int(self.has_balls),
             "HAS_TEXTURED_BALLS": int(self.has_textured_balls),

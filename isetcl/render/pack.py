@@ -117,9 +117,17 @@ def image_struct(n_basis: int, channels: int) -> Struct:
 
 
 def sobol_declaration() -> str:
-    """The table of direction numbers."""
-    table = ", ".join(f"0x{word:08x}u" for word in directions())
-    return f"constant uint SOBOL_DIRECTIONS[] = {{{table}}};\n"
+    """The table of direction numbers, by dimension and, for four dimensions at once, by bit."""
+    words = np.asarray(directions()).reshape(-1, 32)
+    table = ", ".join(f"0x{word:08x}u" for word in words.ravel())
+    rows = ", ".join(
+        "(uint4)(" + ", ".join(f"0x{word:08x}u" for word in words[:4, bit]) + ")"
+        for bit in range(32)
+    )
+    return (
+        f"constant uint SOBOL_DIRECTIONS[] = {{{table}}};\n"
+        f"constant uint4 SOBOL_DIRECTIONS_BY_BIT[] = {{{rows}}};\n"
+    )
 
 
 def eye_declarations() -> str:

@@ -20,7 +20,7 @@ from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack, pack_paths
 from isetcl.render.direct import Tile, tiles
-from isetcl.render.kernel_config import SAMPLES_AT_ONCE, PathConfig
+from isetcl.render.kernel_config import SAMPLES_AT_ONCE, PathConfig, paths_an_item
 from isetcl.render.plan import Plan
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ class PathPipeline:
         return cl.Buffer(self._device.context, cl.mem_flags.READ_WRITE, size)
 
     def _pad(self, pixels: int) -> int:
-        step = self._config.vector_width * self._device.work_group_size
+        # Lanes beyond the tile would follow whole paths for nothing.
+        step = max(self._config.vector_width, self._device.work_group_size)
         return -(-pixels // step) * step
 
     def _upload_eye(self) -> None:
@@ -202,7 +203,8 @@ class PathPipeline:
             self._weight,
         )
         size = (padded // self._config.vector_width, self._n_bands, count)
-        cl.enqueue_nd_range_kernel(queue, self._start, size, (self._device.work_group_size, 1, 1))
+        group = 1 if self._device.is_cpu else self._device.work_group_size
+        cl.enqueue_nd_range_kernel(queue, self._start, size, (group, 1, 1))
 
     def _run(self, name: str, items: int, *arguments: Any) -> None:
         import pyopencl as cl
@@ -251,7 +253,7 @@ class PathPipeline:
             cl.enqueue_copy(queue, count, zero)
         self._run(
             "shade",
-            alive,
+            -(-alive // paths_an_item(self._device)),
             np.int32(alive),
             self._alive[bounce % 2],
             np.int32(n_slots),

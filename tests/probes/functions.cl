@@ -2,6 +2,9 @@
 #include "lib/camera.cl"
 #include "lib/scene.cl"
 #include "lib/sobol.cl"
+#if WIDTH == 1
+#include "lib/bounce.cl"
+#endif
 
 kernel void probe_sine_cosine(global const real *x, const int n, global real *out) {
   const size_t g = get_global_id(0);
@@ -53,6 +56,17 @@ kernel void probe_sobol(global const real *x, const int n, global real *out, con
   for (int i = 0; i < samples; ++i)
     store_lanes(sobol_coordinate((uint)i, dimension, stream), out + (size_t)i * n, g);
 }
+
+#if WIDTH == 1
+/* The eight numbers of a bounce for samples 0 ... n - 1 of a stream. */
+kernel void probe_bounce(global const real *x, const int n, global real *out, const int bits,
+                         const int bounce) {
+  const size_t g = get_global_id(0);
+  real number[8];
+  bounce_numbers((uint)g, bits, (uint)x[0], bounce, number);
+  for (int k = 0; k < 8; ++k) out[(size_t)k * n + g] = number[k];
+}
+#endif
 
 kernel void probe_horner(constant camera_t *camera, global const real *x, const int n,
                          global real *out) {

@@ -63,26 +63,25 @@ INLINE void slab_constants(real o, real d, real *inverse, real *enter, real *lea
   *leave = at + slack;
 }
 
-INLINE mesh_ray_t mesh_ray(real ox, real oy, real oz, real dx, real dy, real dz) {
-  mesh_ray_t ray;
+/* mesh_ray - prepares a ray for the tree. */
+INLINE void mesh_ray(real ox, real oy, real oz, real dx, real dy, real dz, mesh_ray_t *ray) {
   const real x = dx < 0 ? -dx : dx, y = dy < 0 ? -dy : dy, z = dz < 0 ? -dz : dz;
   if (x > y && x > z) {
-    ray.main = 0, ray.first = 1, ray.second = 2;
-    ray.main_o = ox, ray.first_o = oy, ray.second_o = oz;
-    ray.scale = 1 / dx, ray.shear_first = dy / dx, ray.shear_second = dz / dx;
+    ray->main = 0, ray->first = 1, ray->second = 2;
+    ray->main_o = ox, ray->first_o = oy, ray->second_o = oz;
+    ray->scale = 1 / dx, ray->shear_first = dy / dx, ray->shear_second = dz / dx;
   } else if (y > z) {
-    ray.main = 1, ray.first = 2, ray.second = 0;
-    ray.main_o = oy, ray.first_o = oz, ray.second_o = ox;
-    ray.scale = 1 / dy, ray.shear_first = dz / dy, ray.shear_second = dx / dy;
+    ray->main = 1, ray->first = 2, ray->second = 0;
+    ray->main_o = oy, ray->first_o = oz, ray->second_o = ox;
+    ray->scale = 1 / dy, ray->shear_first = dz / dy, ray->shear_second = dx / dy;
   } else {
-    ray.main = 2, ray.first = 0, ray.second = 1;
-    ray.main_o = oz, ray.first_o = ox, ray.second_o = oy;
-    ray.scale = 1 / dz, ray.shear_first = dx / dz, ray.shear_second = dy / dz;
+    ray->main = 2, ray->first = 0, ray->second = 1;
+    ray->main_o = oz, ray->first_o = ox, ray->second_o = oy;
+    ray->scale = 1 / dz, ray->shear_first = dx / dz, ray->shear_second = dy / dz;
   }
-  slab_constants(ox, dx, &ray.ix, &ray.enter_x, &ray.leave_x, &ray.from_x);
-  slab_constants(oy, dy, &ray.iy, &ray.enter_y, &ray.leave_y, &ray.from_y);
-  slab_constants(oz, dz, &ray.iz, &ray.enter_z, &ray.leave_z, &ray.from_z);
-  return ray;
+  slab_constants(ox, dx, &ray->ix, &ray->enter_x, &ray->leave_x, &ray->from_x);
+  slab_constants(oy, dy, &ray->iy, &ray->enter_y, &ray->leave_y, &ray->from_y);
+  slab_constants(oz, dz, &ray->iz, &ray->enter_z, &ray->leave_z, &ray->from_z);
 }
 
 /* lanes_of - the lanes where a comparison of real8 is true, one bit a byte, lane 0 lowest. */

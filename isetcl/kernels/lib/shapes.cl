@@ -48,39 +48,39 @@ INLINE real ball_hit(constant ball_t *ball, real ox, real oy, real oz, real dx, 
 }
 
 /* first_hit - what a ray meets first; of two things in the same place the earlier object. */
-INLINE shape_hit_t first_hit(real ox, real oy, real oz, real dx, real dy, real dz,
-                             constant world_t *world, constant flat_t *flats,
-                             constant ball_t *balls, global const real8 *nodes,
-                             global const real8 *blocks, global const int *triangle_object) {
-  shape_hit_t hit = {INFINITY, -1, -1, 0, 0};
+INLINE void first_hit(real ox, real oy, real oz, real dx, real dy, real dz,
+                      constant world_t *world, constant flat_t *flats, constant ball_t *balls,
+                      global const real8 *nodes, global const real8 *blocks,
+                      global const int *triangle_object, shape_hit_t *hit) {
+  hit->distance = INFINITY, hit->object = hit->triangle = -1, hit->u = hit->v = 0;
 #if HAS_FLATS
   for (int i = 0; i < world->n_flats; ++i) {
     real u, v;
     const real distance = flat_hit(flats + i, ox, oy, oz, dx, dy, dz, &u, &v);
-    if (distance > 0 && distance < hit.distance * COINCIDENT)
-      hit.distance = distance, hit.object = flats[i].object, hit.u = u, hit.v = v;
+    if (distance > 0 && distance < hit->distance * COINCIDENT)
+      hit->distance = distance, hit->object = flats[i].object, hit->u = u, hit->v = v;
   }
 #endif
 #if HAS_BALLS
   for (int i = 0; i < world->n_balls; ++i) {
     const real distance = ball_hit(balls + i, ox, oy, oz, dx, dy, dz);
-    if (distance > 0 && distance < hit.distance * COINCIDENT)
-      hit.distance = distance, hit.object = balls[i].object;
+    if (distance > 0 && distance < hit->distance * COINCIDENT)
+      hit->distance = distance, hit->object = balls[i].object;
   }
 #endif
 #if HAS_MESHES
-  const mesh_ray_t ray = mesh_ray(ox, oy, oz, dx, dy, dz);
-  mesh_hit_t found = {hit.distance * COINCIDENT, -1, 0, 0};
+  mesh_ray_t ray;
+  mesh_ray(ox, oy, oz, dx, dy, dz, &ray);
+  mesh_hit_t found = {hit->distance * COINCIDENT, -1, 0, 0};
   closest_hit(&ray, nodes, blocks, 0, &found);
   if (found.triangle >= 0) {
-    hit.distance = found.distance;
-    hit.object = triangle_object[found.triangle];
-    hit.triangle = found.triangle;
-    hit.u = found.u;
-    hit.v = found.v;
+    hit->distance = found.distance;
+    hit->object = triangle_object[found.triangle];
+    hit->triangle = found.triangle;
+    hit->u = found.u;
+    hit->v = found.v;
   }
 #endif
-  return hit;
 }
 
 /* is_hidden - whether anything lies on a ray before `most`. */
@@ -101,7 +101,8 @@ INLINE int is_hidden(real ox, real oy, real oz, real dx, real dy, real dz, real 
   }
 #endif
 #if HAS_MESHES
-  const mesh_ray_t ray = mesh_ray(ox, oy, oz, dx, dy, dz);
+  mesh_ray_t ray;
+  mesh_ray(ox, oy, oz, dx, dy, dz, &ray);
   if (any_hit(&ray, nodes, blocks, 0, most)) return 1;
 #endif
   return 0;

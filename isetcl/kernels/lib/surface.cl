@@ -64,87 +64,85 @@ INLINE real4 textured4(constant substance_t *substance, int row, real u, real v,
 }
 
 /* meet - the point of the scene a ray hit. */
-INLINE point_t meet(real ox, real oy, real oz, real dx, real dy, real dz, shape_hit_t hit,
-                    constant object_t *objects, constant flat_t *flats, constant ball_t *balls,
-                    constant substance_t *substances, global const real *corners,
-                    global const real *normals, global const real *uvs) {
-  point_t point;
-  constant object_t *object = objects + hit.object;
-  point.u = hit.u;
-  point.v = hit.v;
+INLINE void meet(real ox, real oy, real oz, real dx, real dy, real dz, const shape_hit_t *hit,
+                 constant object_t *objects, constant flat_t *flats, constant ball_t *balls,
+                 constant substance_t *substances, global const real *corners,
+                 global const real *normals, global const real *uvs, point_t *point) {
+  constant object_t *object = objects + hit->object;
+  point->u = hit->u;
+  point->v = hit->v;
 #if HAS_FLATS
   if (object->kind == SHAPE_FLAT) {
     constant flat_t *flat = flats + object->first;
-    point.x = flat->corner[0] + hit.u * flat->edge_u[0] + hit.v * flat->edge_v[0];
-    point.y = flat->corner[1] + hit.u * flat->edge_u[1] + hit.v * flat->edge_v[1];
-    point.z = flat->corner[2] + hit.u * flat->edge_u[2] + hit.v * flat->edge_v[2];
-    point.nx = flat->normal[0], point.ny = flat->normal[1], point.nz = flat->normal[2];
+    point->x = flat->corner[0] + hit->u * flat->edge_u[0] + hit->v * flat->edge_v[0];
+    point->y = flat->corner[1] + hit->u * flat->edge_u[1] + hit->v * flat->edge_v[1];
+    point->z = flat->corner[2] + hit->u * flat->edge_u[2] + hit->v * flat->edge_v[2];
+    point->nx = flat->normal[0], point->ny = flat->normal[1], point->nz = flat->normal[2];
   }
 #endif
 #if HAS_BALLS
   if (object->kind == SHAPE_BALL) {
     constant ball_t *ball = balls + object->first;
-    const real x = ox + hit.distance * dx - ball->centre[0];
-    const real y = oy + hit.distance * dy - ball->centre[1];
-    const real z = oz + hit.distance * dz - ball->centre[2];
+    const real x = ox + hit->distance * dx - ball->centre[0];
+    const real y = oy + hit->distance * dy - ball->centre[1];
+    const real z = oz + hit->distance * dz - ball->centre[2];
     const real inverse = 1 / scalar_root(dot3(x, y, z, x, y, z));
-    point.nx = x * inverse, point.ny = y * inverse, point.nz = z * inverse;
-    point.x = ball->centre[0] + ball->radius * point.nx;
-    point.y = ball->centre[1] + ball->radius * point.ny;
-    point.z = ball->centre[2] + ball->radius * point.nz;
+    point->nx = x * inverse, point->ny = y * inverse, point->nz = z * inverse;
+    point->x = ball->centre[0] + ball->radius * point->nx;
+    point->y = ball->centre[1] + ball->radius * point->ny;
+    point->z = ball->centre[2] + ball->radius * point->nz;
 #if HAS_TEXTURED_BALLS
     if (substances[object->substance].kind != MATERIAL_UNIFORM) {
-      const real turn = turn_of_vector(point.nx, point.nz);
-      point.u = turn < 0 ? turn + 1 : turn;
-      point.v = R(0.5) + turn_of_vector(point.ny, scalar_root(point.nx * point.nx +
-                                                              point.nz * point.nz));
+      const real turn = turn_of_vector(point->nx, point->nz);
+      point->u = turn < 0 ? turn + 1 : turn;
+      point->v = R(0.5) + turn_of_vector(point->ny, scalar_root(point->nx * point->nx +
+                                                              point->nz * point->nz));
     }
 #endif
   }
 #endif
-  point.sx = point.nx, point.sy = point.ny, point.sz = point.nz;
+  point->sx = point->nx, point->sy = point->ny, point->sz = point->nz;
 #if HAS_MESHES
   if (object->kind == SHAPE_MESH) {
-    const real b = hit.u, c = hit.v, a = 1 - b - c;
-    global const real *at = corners + 9 * (size_t)hit.triangle;
-    point.x = a * at[0] + b * at[3] + c * at[6];
-    point.y = a * at[1] + b * at[4] + c * at[7];
-    point.z = a * at[2] + b * at[5] + c * at[8];
+    const real b = hit->u, c = hit->v, a = 1 - b - c;
+    global const real *at = corners + 9 * (size_t)hit->triangle;
+    point->x = a * at[0] + b * at[3] + c * at[6];
+    point->y = a * at[1] + b * at[4] + c * at[7];
+    point->z = a * at[2] + b * at[5] + c * at[8];
     const real e1x = at[3] - at[0], e1y = at[4] - at[1], e1z = at[5] - at[2];
     const real e2x = at[6] - at[0], e2y = at[7] - at[1], e2z = at[8] - at[2];
     const real nx = e1y * e2z - e1z * e2y, ny = e1z * e2x - e1x * e2z, nz = e1x * e2y - e1y * e2x;
     const real inverse = 1 / scalar_root(dot3(nx, ny, nz, nx, ny, nz));
-    point.nx = nx * inverse, point.ny = ny * inverse, point.nz = nz * inverse;
-    point.sx = point.nx, point.sy = point.ny, point.sz = point.nz;
-    point.u = point.v = 0;
+    point->nx = nx * inverse, point->ny = ny * inverse, point->nz = nz * inverse;
+    point->sx = point->nx, point->sy = point->ny, point->sz = point->nz;
+    point->u = point->v = 0;
 #if HAS_UV
-    global const real *uv = uvs + 6 * (size_t)hit.triangle;
-    point.u = a * uv[0] + b * uv[2] + c * uv[4];
-    point.v = a * uv[1] + b * uv[3] + c * uv[5];
+    global const real *uv = uvs + 6 * (size_t)hit->triangle;
+    point->u = a * uv[0] + b * uv[2] + c * uv[4];
+    point->v = a * uv[1] + b * uv[3] + c * uv[5];
 #endif
 #if HAS_NORMALS
     if (object->is_smooth) {
-      global const real *n = normals + 9 * (size_t)hit.triangle;
+      global const real *n = normals + 9 * (size_t)hit->triangle;
       const real x = a * n[0] + b * n[3] + c * n[6];
       const real y = a * n[1] + b * n[4] + c * n[7];
       const real z = a * n[2] + b * n[5] + c * n[8];
       const real length2 = dot3(x, y, z, x, y, z);
       if (length2 > 0) {
         const real scale = 1 / scalar_root(length2);
-        point.sx = x * scale, point.sy = y * scale, point.sz = z * scale;
+        point->sx = x * scale, point->sy = y * scale, point->sz = z * scale;
       }
     }
 #endif
   }
 #endif
   /* Both normals face the ray; a shading normal that cannot is replaced. */
-  if (dot3(point.nx, point.ny, point.nz, dx, dy, dz) > 0)
-    point.nx = -point.nx, point.ny = -point.ny, point.nz = -point.nz;
-  if (dot3(point.sx, point.sy, point.sz, point.nx, point.ny, point.nz) < 0)
-    point.sx = -point.sx, point.sy = -point.sy, point.sz = -point.sz;
-  if (!(dot3(point.sx, point.sy, point.sz, dx, dy, dz) < 0))
-    point.sx = point.nx, point.sy = point.ny, point.sz = point.nz;
-  return point;
+  if (dot3(point->nx, point->ny, point->nz, dx, dy, dz) > 0)
+    point->nx = -point->nx, point->ny = -point->ny, point->nz = -point->nz;
+  if (dot3(point->sx, point->sy, point->sz, point->nx, point->ny, point->nz) < 0)
+    point->sx = -point->sx, point->sy = -point->sy, point->sz = -point->sz;
+  if (!(dot3(point->sx, point->sy, point->sz, dx, dy, dz) < 0))
+    point->sx = point->nx, point->sy = point->ny, point->sz = point->nz;
 }
 
 /* step_off - how far from a surface point a ray must start not to meet the surface again. */
