@@ -74,7 +74,7 @@ class Goal:
         for i in range(schedule.PILOT_REPLICATES):
             for part in film.add_replicate(size):
                 yield 0.05 * (i + part) / schedule.PILOT_REPLICATES
-        if size >= schedule.MIN_REPLICATE_SPP and not self._is_met(film):
+        if not self._is_met(film):
             yield from self._continue(film, size)
 
     def _continue(self, film: Film, size: int) -> Iterator[float]:
@@ -86,14 +86,14 @@ class Goal:
             needed = float(schedule.DARK_SPP)
         elif self._target > 0:
             needed = schedule.samples_for_error(film.samples, pilot_error, self._target)
-        if self._deadline < math.inf:
-            remaining = self._deadline - time.perf_counter()
-            needed = min(needed, film.samples + remaining / per_sample)
+        affordable = (self._deadline - time.perf_counter()) / per_sample
+        needed = min(needed, film.samples + affordable)
         replicates = schedule.replicates_for(film.pixels)
         longer = min(
             schedule.replicate_size_for(needed, replicates), MAX_SPP // schedule.MAX_REPLICATES
         )
-        if longer > size * schedule.PILOT_REPLICATES:
+        is_affordable = schedule.PILOT_REPLICATES * longer <= affordable
+        if longer > size * schedule.PILOT_REPLICATES and is_affordable:
             # Equal replicates make the standard error exact; the pilot is a small part of the work.
             film.restart()
             size = longer
