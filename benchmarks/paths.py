@@ -13,6 +13,8 @@ import argparse
 import os
 import resource
 import statistics
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -159,10 +161,25 @@ def _props(mi, bsdf):
     return props
 
 
+def peak_mb(name: str) -> float:
+    """Peak memory of a process that traces a scene and nothing else, MB."""
+    command = [sys.executable, __file__, "--peak", name]
+    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=7)
-    rounds = parser.parse_args().rounds
+    parser.add_argument("--peak", choices=list(BOUNCES), help="only trace once; print peak MB")
+    arguments = parser.parse_args()
+    rounds = arguments.rounds
+    if arguments.peak:
+        made = pipeline(arguments.peak)
+        for tile in made.tiles():
+            made.sample(tile, SPP, STREAM)
+        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+        return
+    peaks = {name: peak_mb(name) for name in BOUNCES}
     candidates, work, means = {}, {}, {}
     for name in BOUNCES:
         made = pipeline(name)
@@ -173,10 +190,6 @@ def main() -> None:
 
         candidates[f"isetcl, Navarro's eye, {name}"] = run
         work[f"isetcl, Navarro's eye, {name}"] = PIXELS * PIXELS * SPP * bands
-    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    for run in candidates.values():
-        run()
-    peak_mb = max(peak_mb, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
     for name in BOUNCES:
         found = mitsuba_scene(name)
         if found is None:
@@ -207,7 +220,7 @@ def main() -> None:
         ],
     )
     show("CPU time of Mitsuba's path over ours", [("scene", "times"), *ratios.items()])
-    print(f"\npeak memory before Mitsuba was loaded: {peak_mb:.0f} MB")
+    show("peak memory of isetcl's process, MB", [("scene", "MB"), *peaks.items()])
     path = save(
         "paths",
         {
@@ -215,7 +228,7 @@ def main() -> None:
             "versions": versions("mitsuba", "drjit"),
             "results": results,
             "cpu_time_of_mitsuba_over_ours": ratios,
-            "peak_mb": peak_mb,
+            "peak_mb": peaks,
         },
     )
     print(f"{path.name} written")

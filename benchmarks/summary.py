@@ -144,7 +144,7 @@ def paths() -> str:
     ]
     if ratios:
         parts.append(table(("CPU time of Mitsuba's path over ours", "times"), ratios))
-    parts.append(f"Peak memory of the process before Mitsuba: {number(record['peak_mb'])} MB.")
+    parts.append(table(("peak memory of isetcl's process", "MB"), list(record["peak_mb"].items())))
     return "\n\n".join(parts)
 
 
