@@ -97,6 +97,20 @@ def _first_line(command: list[str]) -> str:
     return output.splitlines()[0] if output else "none"
 
 
+def load_mitsuba() -> Any:
+    """Mitsuba 3 in its spectral LLVM variant; None where it or an LLVM library is missing."""
+    libraries = sorted(Path("/usr/lib").glob("*/libLLVM*.so*"))
+    if libraries:
+        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(libraries[-1]))
+    try:
+        import mitsuba
+
+        mitsuba.set_variant("llvm_ad_spectral")
+    except (ImportError, AttributeError, RuntimeError):
+        return None
+    return mitsuba
+
+
 def save(name: str, record: dict[str, Any]) -> Path:
     """Write benchmarks/results/NAME.json with the machine's description."""
     RESULTS.mkdir(exist_ok=True)

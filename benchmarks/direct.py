@@ -10,12 +10,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import os
 import statistics
-from pathlib import Path
 
 import numpy as np
-from common import Timing, interleave, save, show, versions
+from common import Timing, interleave, load_mitsuba, save, show, versions
 
 import isetcl as ic
 from isetcl.render import sobol
@@ -62,14 +60,8 @@ def launch(made: DirectPipeline, samples: int) -> None:
 
 def mitsuba_candidate(samples: int):
     """Two emitting planes with checkerboards behind a thin lens in Mitsuba 3, spectral."""
-    libraries = sorted(Path("/usr/lib").glob("*/libLLVM*.so*"))
-    if libraries:
-        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(libraries[-1]))
-    try:
-        import mitsuba as mi
-
-        mi.set_variant("llvm_ad_spectral")
-    except (ImportError, AttributeError, RuntimeError):
+    mi = load_mitsuba()
+    if mi is None:
         return None
 
     def board(scale):

@@ -10,16 +10,14 @@ end by chance after its third scattering. 256 x 256 pixels; both see the same re
 from __future__ import annotations
 
 import argparse
-import os
 import resource
 import statistics
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import trimesh
-from common import interleave, save, show, versions
+from common import interleave, load_mitsuba, save, show, versions
 
 import isetcl as ic
 from isetcl.render import sobol
@@ -79,14 +77,8 @@ def pipeline(name: str) -> PathPipeline:
 
 def mitsuba_scene(name: str):
     """The same scene in Mitsuba 3; None where it is not installed."""
-    libraries = sorted(Path("/usr/lib").glob("*/libLLVM*.so*"))
-    if libraries:
-        os.environ.setdefault("DRJIT_LIBLLVM_PATH", str(libraries[-1]))
-    try:
-        import mitsuba as mi
-
-        mi.set_variant("llvm_ad_spectral")
-    except (ImportError, AttributeError, RuntimeError):
+    mi = load_mitsuba()
+    if mi is None:
         return None
     transform = mi.ScalarTransform4f
 

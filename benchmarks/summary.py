@@ -39,12 +39,17 @@ def where(record: Record) -> str:
     )
 
 
-def trace_rays() -> str:
-    record = load("trace_rays")
-    rows = [
+def rates(record: Record) -> list[tuple[object, ...]]:
+    """Rows of name, median rate, CPU time and spread."""
+    return [
         (name, r["million_per_s_median"], r["cpu_ns_each_median"], r["spread"])
         for name, r in record["results"].items()
     ]
+
+
+def trace_rays() -> str:
+    record = load("trace_rays")
+    rows = rates(record)
     errors = record["error_mm"]
     return "\n\n".join(
         [
@@ -63,10 +68,7 @@ def trace_rays() -> str:
 
 def direct() -> str:
     record = load("direct")
-    rows = [
-        (name, r["million_per_s_median"], r["cpu_ns_each_median"], r["spread"])
-        for name, r in record["results"].items()
-    ]
+    rows = rates(record)
     ratios = [(name, value) for name, value in record["cpu_time_of_mitsuba_over_ours"].items()]
     widths = [(n, r["million_per_s_median"]) for n, r in record["vector_widths"].items()]
     parts = [
@@ -102,10 +104,7 @@ def features() -> str:
 
 def mesh() -> str:
     record = load("mesh")
-    rows = [
-        (name, r["million_per_s_median"], r["cpu_ns_each_median"], r["spread"])
-        for name, r in record["results"].items()
-    ]
+    rows = rates(record)
     differing = "; ".join(
         f"{name}: {d['triangle']} in another triangle, {d['hit']} hit by one side only"
         for name, d in record["differing"].items()
@@ -129,10 +128,7 @@ def mesh() -> str:
 
 def paths() -> str:
     record = load("paths")
-    rows = [
-        (name, r["million_per_s_median"], r["cpu_ns_each_median"], r["spread"])
-        for name, r in record["results"].items()
-    ]
+    rows = rates(record)
     ratios = [(name, value) for name, value in record["cpu_time_of_mitsuba_over_ours"].items()]
     parts = [
         "## Paths in a lit scene\n\n" + where(record),

@@ -80,9 +80,9 @@ def test_an_integrating_sphere_has_its_closed_form(reflectance):
         (ic.SceneObject("sphere", ic.Sphere((0, 0, 0), 2.0), material),),
         lights=(ic.PointLight((0, 0, 0), UNIT),),
     )
-    found, error = radiance_of(scene, fov_deg=10.0, resolution=8, max_bounces=100)
+    found, error = radiance_of(scene, fov_deg=10.0, resolution=8, max_bounces=100, spp=512)
     expected = reflectance / (np.pi * 4.0 * (1.0 - reflectance))
-    assert error < 0.006 * expected
+    assert error < 0.004 * expected
     assert found == pytest.approx(expected, abs=3.5 * error + 1e-3 * expected)
 
 
@@ -276,6 +276,12 @@ def test_materials_that_would_make_light_are_refused():
         ic.Diffuse(ic.Spectrum.constant(1.1))
     with pytest.raises(ic.InvalidInputError, match="reflectance times texture must be <= 1"):
         ic.Diffuse(ic.Spectrum.constant(0.8), ic.Checkerboard(2, 2, 1.5, 0.0))
+    w = np.array([400.0, 500.0, 600.0, 700.0])
+    parts = [ic.Spectrum(w, np.roll([0.9, 0.05, 0.05, 0.0], i)) for i in range(3)]
+    picture = ic.Image(np.ones((2, 2, 3)))
+    assert ic.Diffuse(tuple(parts), picture).spectra() == tuple(parts)
+    with pytest.raises(ic.InvalidInputError, match=r"must be <= 1, got 1\.89"):
+        ic.Diffuse((parts[0], parts[0].scaled(1.1), parts[1]), picture)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,14 @@ DEFAULT_SPP = 256
 MAX_SPP = 1 << 22
 
 
+def error_of_samples(spp: int) -> float:
+    """The relative error that so many samples a pixel leave, roughly.
+
+    64 leave about 3 % on a checkerboard with edges; the error falls as N^-0.6.
+    """
+    return 0.03 * (64.0 / spp) ** 0.6
+
+
 class Goal:
     """When a render is done: after a number of samples, a time, or at an error."""
 
@@ -43,8 +51,7 @@ class Goal:
         """The relative error to expect, for decisions that trade it against speed."""
         if self._target > 0:
             return self._target
-        # 64 samples leave about 3 % on a checkerboard with edges; the error falls as N^-0.6.
-        return 0.03 * (64.0 / self._spp) ** 0.6 if self._spp else 1e-3
+        return error_of_samples(self._spp) if self._spp else 1e-3
 
     def work(self, film: Film) -> Iterator[float]:
         """Add replicates until the goal is met; yields the fraction done."""

@@ -104,6 +104,15 @@ class UnlitReflectance:
         return tuple(products)
 
 
+def _largest_sum(spectra: tuple[Spectrum, ...]) -> float:
+    """The largest sum of spectra over the wavelengths that all of them know."""
+    low = max(s.wavelengths_nm[0] for s in spectra)
+    high = min(s.wavelengths_nm[-1] for s in spectra)
+    grid = np.unique(np.concatenate([s.wavelengths_nm for s in spectra]))
+    grid = grid[(grid >= low) & (grid <= high)]
+    return float(np.max(sum(s.at(grid) for s in spectra))) if len(grid) else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Diffuse:
     """A matt surface (Lambert's law), alike on both sides.
@@ -134,12 +143,12 @@ class Diffuse:
                 f"diffuse: a texture of {channels} channel(s) needs as many spectra, got "
                 f"{len(spectra)}; pass one reflectance, or those of red, green and blue"
             )
-        largest = sum(float(np.max(spectrum.values)) for spectrum in spectra)
-        brightest = 1.0 if self.texture is None else self.texture.largest
-        # Three reflectances that sum to 1 at every wavelength have maxima that sum to more.
-        if len(spectra) == 1 and largest * brightest > 1.0 + 1e-9:
+        texture_largest = 1.0 if self.texture is None else self.texture.largest
+        largest = texture_largest * _largest_sum(spectra)
+        # Published bases for RGB sum to 1 within 1e-6.
+        if largest > 1.0 + 1e-5:
             raise InvalidInputError(
-                f"diffuse: reflectance times texture must be <= 1, got {largest * brightest:.4g}"
+                f"diffuse: reflectance times texture must be <= 1, got {largest:.4g}; lower one"
             )
 
     def spectra(self) -> tuple[Spectrum, ...]:

@@ -15,7 +15,7 @@ from isetcl import psf_baseline
 from isetcl.errors import FocusError, InvalidInputError, check_choice, check_count, check_type
 from isetcl.eye.model import Eye
 from isetcl.memory import check_memory
-from isetcl.render.goal import MAX_SPP
+from isetcl.render.goal import MAX_SPP, error_of_samples
 from isetcl.render.plan import Plan, plan
 from isetcl.render.progress import Progress
 from isetcl.render.render import render
@@ -77,7 +77,7 @@ class Comparison:
     focus_vergence_dpt : float or None
         Where the eye is focused, 1/m; None if that cannot be told.
     plan_text : str
-        What the ray tracer compiled in, and why.
+        What the ray tracer compiled in for the reference, and why.
     build_s : float
         Time to the first, tiny image: kernels built, tables made.
     total_s : float
@@ -145,7 +145,9 @@ def compare(
     if on_step is not None and not callable(on_step):
         raise InvalidInputError(f"on_step must be a function or None, got {on_step!r}")
     where: dict[str, Any] = {"fov_deg": fov_deg, "resolution": resolution, **options}
-    planned = plan(scene, eye, device=device, expected_error=1e-3, **where)
+    planned = plan(
+        scene, eye, device=device, expected_error=error_of_samples(reference_spp), **where
+    )
     if min(planned.grid.resolution) < 2:
         raise InvalidInputError(
             "resolution must be at least 2 pixels each way, so that there are edges to compare "
