@@ -13,15 +13,15 @@ import numpy as np
 
 from isetcl.device import program
 from isetcl.device.layout import real_dtype
-from isetcl.device.mesh import MeshTree
 from isetcl.device.tracer import declarations as ray_declarations
 from isetcl.device.tracer import pack_elements, travel_order
 from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack, pack_paths
 from isetcl.render.direct import Tile, tiles
-from isetcl.render.kernel_config import SAMPLES_AT_ONCE, PathConfig, paths_an_item
+from isetcl.render.kernel_config import SAMPLES_AT_ONCE, PathConfig, path_width, paths_an_item
 from isetcl.render.plan import Plan
+from isetcl.render.trees import SceneTrees
 
 if TYPE_CHECKING:
     import pyopencl
@@ -84,17 +84,19 @@ class PathPipeline:
 
     def _upload_scene(self) -> None:
         plan, precision = self._plan, self._config.precision
-        packed = pack_paths.pack_paths(plan.scene, plan.images, plan.wavelengths_nm, precision)
+        assert isinstance(plan.images, dict)
+        packed = pack_paths.pack_paths(
+            plan.scene, plan.images, plan.wavelengths_nm, plan.band_choice.bands, precision
+        )
         none = np.zeros(16, dtype=self._real)
-        self._records = {name: self._upload(array) for name, array in packed.records.items()}
+        trees = SceneTrees(self._device, packed, precision)
+        self._stack_size = trees.stack_size
+        self._nodes, self._blocks = trees.nodes, trees.blocks
+        self._instances = self._upload(trees.instances)
+        self._records = {name: self._upload(array) for name, array in trees.records.items()}
         self._texels = self._upload(packed.texels)
         self._spectra = self._upload(packed.spectra)
         self._n_columns = packed.spectra.shape[1]
-        self._tree = None
-        if len(packed.triangles):
-            self._tree = MeshTree(self._device, packed.triangles, precision)
-        self._nodes = self._upload(none) if self._tree is None else self._tree.nodes
-        self._blocks = self._upload(none) if self._tree is None else self._tree.blocks
         corners = packed.triangles.reshape(-1, 9).astype(self._real)
         self._corners = self._upload(corners if len(corners) else none)
         self._normals = self._upload(none if packed.normals is None else packed.normals)
@@ -113,10 +115,12 @@ class PathPipeline:
         self._hit_object, self._hit_triangle = self._buffer(n, 4), self._buffer(n, 4)
         self._hit_uv = self._buffer(2 * n)
         self._throughput, self._radiance = self._buffer(4 * n), self._buffer(4 * n)
+        passing = n if self._config.has_additive else 1
+        self._passed, self._bounces = self._buffer(passing), self._buffer(passing, 4)
         self._last_density = self._buffer(n)
         self._alive = [self._buffer(n, 4), self._buffer(n, 4)]
         self._shadowed = self._buffer(n, 4)
-        self._counts = [self._buffer(1, 4), self._buffer(1, 4)]
+        self._counts = self._buffer(2, 4)
         lit = n if self._config.has_lights else 1
         self._shadow = [self._buffer(k * lit) for k in (3, 3, 1, 4)]
         self._film = self._buffer(self._n_bands * 4 * self._padded)
@@ -128,16 +132,19 @@ class PathPipeline:
             config.eye_defines(device),
             ray_declarations() + pack.eye_declarations(),
         )
-        stack = 32 if self._tree is None else self._tree.stack_size
-        follow = program.assemble(
-            "paths.cl",
-            config.path_defines(device) | {"STACK_SIZE": stack},
-            pack_paths.declarations() + pack.sobol_declaration(),
-        )
-        self.kernel_digest = program.digest(start + follow)
+        defines = config.path_defines(device)
+        declarations = pack_paths.declarations() + pack.sobol_declaration()
+        stack = {"STACK_SIZE": self._stack_size}
+        find = program.assemble("find_hits.cl", defines | stack, declarations)
+        shade = program.assemble("shade.cl", defines | stack, declarations)
+        self.kernel_digest = program.digest(start + find + shade)
         self._start = program.kernel(device, start, "start_paths")
-        names = ("find_hits", "shade", "connect", "gather")
-        self._kernels = {name: program.kernel(device, follow, name) for name in names}
+        stages = {"find_hits": find, "shade": shade, "gather": shade}
+        if config.has_lights:
+            stages["connect"] = find
+        self._kernels = {
+            name: program.kernel(device, source, name) for name, source in stages.items()
+        }
 
     def tiles(self) -> list[Tile]:
         """The tiles of the plan's image, row by row."""
@@ -164,8 +171,8 @@ class PathPipeline:
         self._begin(tile, first, count, block, stream, padded, n_slots)
         alive = n_slots
         bits = max(1, int(block * self._n_bands - 1).bit_length())
-        for bounce in range(self._config.max_bounces + 1):
-            self._find_hits(alive, n_slots, bounce)
+        for bounce in range(self._config.most_segments):
+            self._find_hits(alive, n_slots, bounce, stream)
             alive, shadowed = self._shade(
                 alive, n_slots, bounce, padded, (first, block, bits, stream)
             )
@@ -173,7 +180,7 @@ class PathPipeline:
                 self._connect(shadowed, n_slots)
             if alive == 0:
                 break
-        return self._gather(tile, count, padded)
+        return self._gather(tile, count, padded, n_slots)
 
     def _begin(
         self, tile: Tile, first: int, count: int, block: int, stream: int, padded: int, n_slots: int
@@ -216,28 +223,45 @@ class PathPipeline:
             self._device.queue, kernel, (-(-items // group) * group,), (group,)
         )
 
-    def _find_hits(self, alive: int, n_slots: int, bounce: int) -> None:
+    def _groups(self, paths: int) -> int:
+        return -(-paths // path_width(self._device, self._config.precision))
+
+    def _surfaces(self) -> tuple[Any, ...]:
+        """What rays are asked about: arguments that find_hits and connect share."""
         records = self._records
-        self._run(
-            "find_hits",
-            alive,
-            np.int32(alive),
-            self._alive[bounce % 2],
-            np.int32(n_slots),
-            self._origin,
-            self._direction,
-            self._weight,
+        return (
             records["world"],
             records["flats"],
             records["balls"],
             self._nodes,
             self._blocks,
             self._owner,
+            self._instances,
+            records["objects"],
+            records["textures"],
+            self._texels,
+            self._corners,
+            self._uvs,
+        )
+
+    def _find_hits(self, alive: int, n_slots: int, bounce: int, stream: int) -> None:
+        self._run(
+            "find_hits",
+            self._groups(alive),
+            np.int32(alive),
+            self._alive[bounce % 2],
+            np.int32(n_slots),
+            self._origin,
+            self._direction,
+            self._weight,
+            *self._surfaces(),
+            self._passed,
             self._distance,
             self._hit_object,
             self._hit_triangle,
             self._hit_uv,
             np.int32(bounce == 0),
+            np.uint32(stream),
         )
 
     def _shade(
@@ -248,37 +272,29 @@ class PathPipeline:
 
         first, block, bits, stream = samples
         queue, records = self._device.queue, self._records
-        zero = np.zeros(1, dtype=np.int32)
-        for count in self._counts:
-            cl.enqueue_copy(queue, count, zero)
+        cl.enqueue_copy(queue, self._counts, np.zeros(2, dtype=np.int32))
+        looks = ("objects", "substances", "textures", "lights")
         self._run(
             "shade",
             -(-alive // paths_an_item(self._device)),
             np.int32(alive),
             self._alive[bounce % 2],
             np.int32(n_slots),
-            self._origin,
-            self._direction,
             self._weight,
             self._distance,
             self._hit_object,
             self._hit_triangle,
             self._hit_uv,
+            self._origin,
+            self._direction,
             self._throughput,
             self._radiance,
             self._last_density,
-            *(
-                records[name]
-                for name in (
-                    "world",
-                    "objects",
-                    "flats",
-                    "balls",
-                    "substances",
-                    "pictures",
-                    "lights",
-                )
-            ),
+            self._passed,
+            self._bounces,
+            *(records[name] for name in ("world", "flats", "balls")),
+            self._instances,
+            *(records[name] for name in looks),
             self._texels,
             self._corners,
             self._normals,
@@ -296,34 +312,27 @@ class PathPipeline:
             np.int32(bounce),
             np.int32(self._config.max_bounces),
             self._alive[(bounce + 1) % 2],
-            self._counts[0],
             self._shadowed,
-            self._counts[1],
+            self._counts,
             *self._shadow,
         )
-        numbers = np.zeros((2, 1), dtype=np.int32)
-        for number, count in zip(numbers, self._counts, strict=True):
-            cl.enqueue_copy(queue, number, count)
-        return int(numbers[0, 0]), int(numbers[1, 0])
+        numbers = np.zeros(2, dtype=np.int32)
+        cl.enqueue_copy(queue, numbers, self._counts)
+        return int(numbers[0]), int(numbers[1])
 
     def _connect(self, shadowed: int, n_slots: int) -> None:
-        records = self._records
         self._run(
             "connect",
-            shadowed,
+            self._groups(shadowed),
             np.int32(shadowed),
             self._shadowed,
             np.int32(n_slots),
             *self._shadow,
             self._radiance,
-            records["world"],
-            records["flats"],
-            records["balls"],
-            self._nodes,
-            self._blocks,
+            *self._surfaces(),
         )
 
-    def _gather(self, tile: Tile, count: int, padded: int) -> np.ndarray:
+    def _gather(self, tile: Tile, count: int, padded: int, n_slots: int) -> np.ndarray:
         import pyopencl as cl
 
         kernel, queue = self._kernels["gather"], self._device.queue
@@ -331,12 +340,13 @@ class PathPipeline:
             np.int32(count),
             np.int32(self._n_bands),
             np.int32(padded),
+            np.int32(n_slots),
             self._weight,
             self._radiance,
             self._film,
         )
-        group = self._device.work_group_size
-        cl.enqueue_nd_range_kernel(queue, kernel, (padded, self._n_bands), (group, 1))
+        columns = padded // path_width(self._device, self._config.precision)
+        cl.enqueue_nd_range_kernel(queue, kernel, (columns, self._n_bands), (1, 1))
         film = np.empty((self._n_bands * 4, padded), dtype=self._real)
         cl.enqueue_copy(queue, film, self._film)
         pixels = tile.columns * tile.rows

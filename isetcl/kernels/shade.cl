@@ -1,0 +1,428 @@
+/* shade.cl - the stage of the path pipeline that looks at what paths met, and sends them on; and the
+ * one that sums what they carried.
+ *
+ * Paths are shaded WIDTH at a time. A path carries four neighbouring wavelengths of one band;
+ * its throughput is relative to the weight it left the eye with.
+ */
+#include "lib/bounce.cl"
+#include "lib/scatter.cl"
+
+/* Where the paths of a launch come from and go to. */
+typedef struct {
+  global real *origin, *direction, *throughput, *radiance, *last_density, *passed;
+  global int *bounces;
+  global real *shadow_origin, *shadow_direction, *shadow_most, *shadow_light;
+  int n_slots;
+} pathsv_t;
+
+/* Samples of a launch, for the numbers that decide bounces. */
+typedef struct {
+  constant tile_t *tile;
+  global const int *band_first;
+  int n_bands, n_padded, bits;
+  uint first_sample, block, stream;
+} samples_t;
+
+/* read4 and write4 - four planes of paths. */
+INLINE void read4(global const real *planes, int n_slots, const slotsv *at, colourv *value) {
+  for (int k = 0; k < 4; ++k) value->w[k] = read_plane(planes + (size_t)k * n_slots, at);
+}
+INLINE void write4(const colourv *value, global real *planes, int n_slots, const slotsv *at) {
+  for (int k = 0; k < 4; ++k) write_plane(value->w[k], planes + (size_t)k * n_slots, at);
+}
+INLINE void write3(realv x, realv y, realv z, global real *planes, int n_slots, const slotsv *at) {
+  write_plane(x, planes, at);
+  write_plane(y, planes + n_slots, at);
+  write_plane(z, planes + 2 * (size_t)n_slots, at);
+}
+
+/* number_paths - pixel stream, sample number and band of every lane. */
+INLINE void number_paths(const samples_t *samples, const slotsv *at, uintv *pixel_stream,
+                         uintv *sample, bandv *band) {
+  intv rest = at->slot / samples->n_padded;
+  intv pixel = at->slot - rest * samples->n_padded;
+  intv number = rest / samples->n_bands;
+  band->number = rest - number * samples->n_bands;
+  band->is_same = all_lanes(mask_from_int(band->number == LANE(band->number, 0)));
+#pragma unroll
+  for (int i = 0; i < WIDTH; ++i)
+    LANE(band->first, i) = samples->band_first[LANE(band->number, i)];
+  constant tile_t *tile = samples->tile;
+  intv row = pixel / tile->columns;
+  intv column = pixel - row * tile->columns + tile->x;
+  intv place = (row + tile->y) * tile->image_width + column;
+#if WIDTH == 1
+  *pixel_stream = mix_bits(mix_bits(as_uint(place)) + samples->stream);
+  *sample = (uint)band->number * samples->block + samples->first_sample + (uint)number;
+#else
+  *pixel_stream = mix_bits(mix_bits(__builtin_astype(place, uintv)) + samples->stream);
+  *sample = __builtin_astype(band->number, uintv) * samples->block + samples->first_sample +
+            __builtin_astype(number, uintv);
+#endif
+}
+
+/* meet_all - the points that the paths of a group met, with what the surfaces there send out.
+ *
+ * added      light found
+ * substance  out: the material of every lane, -1 where the path ends
+ * passing    out: lanes that go on straight through a surface which adds light
+ */
+INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const looks_t *looks,
+                     const pathv *ray, const shape_hitv *hit, const bandv *band, realv density,
+                     colourv *added, pointv *point, intv *substance, maskv *passing) {
+  *substance = (intv)(-1);
+  *passing = (maskv)(0);
+  intv left = hit->object;
+  for (;;) {
+    maskv here;
+    const int number = next_number(&left, &here);
+    if (number < 0) break;
+    global const object_t *object = looks->objects + number;
+    pointv one;
+    meet(shapes, triangles, object, ray, hit, here, &one);
+    *substance = select_int(here, (intv)object->substance, *substance);
+    if (object->emission >= 0) {
+      /* Weigh what is seen against finding the same place as a light. */
+      realv share = object->shines_behind ? (realv)1 : (one.is_front ? (realv)1 : (realv)0);
+#if HAS_LIGHTS
+      realv cosine = -dot3(one.nx, one.ny, one.nz, ray->dx, ray->dy, ray->dz);
+      realv other = light_density(shapes, object, ray, hit->distance, cosine);
+      share *= density > 0 ? density / (density + other) : (realv)1;
+#endif
+      colourv sent;
+      emitted4(looks, object, band, one.u, one.v, &sent);
+      for (int k = 0; k < 4; ++k) added->w[k] = here ? share * sent.w[k] : added->w[k];
+    }
+#if HAS_ADDITIVE
+    if (object->is_additive) *passing = *passing | here;
+#endif
+    point->x = here ? one.x : point->x;
+    point->y = here ? one.y : point->y;
+    point->z = here ? one.z : point->z;
+    point->nx = here ? one.nx : point->nx;
+    point->ny = here ? one.ny : point->ny;
+    point->nz = here ? one.nz : point->nz;
+    point->sx = here ? one.sx : point->sx;
+    point->sy = here ? one.sy : point->sy;
+    point->sz = here ? one.sz : point->sz;
+    point->u = here ? one.u : point->u;
+    point->v = here ? one.v : point->v;
+    point->is_front = here ? one.is_front : point->is_front;
+  }
+}
+
+/* add_background - light of what surrounds the scene, in lanes that met nothing. */
+INLINE void add_background(const shapes_t *shapes, const looks_t *looks, const pathv *ray,
+                           const bandv *band, realv density, maskv lost, colourv *added) {
+  constant world_t *world = shapes->world;
+  if (world->background < 0 || !any_lane(lost)) return;
+  colourv sky;
+  realv share = 1;
+#if HAS_ENVIRONMENT
+  realv u, v, cosine;
+  environment_place(world, ray->dx, ray->dy, ray->dz, &u, &v, &cosine);
+  environment4(world, looks, band, u, v, &sky);
+#if HAS_LIGHTS
+  if (world->environment_probability > 0) {
+    realv other = environment_density(world, looks, u, v, cosine);
+    share = density > 0 ? density / (density + other) : (realv)1;
+  }
+#endif
+#else
+  spectrum4(looks->spectra, looks->n_columns, world->background, band, &sky);
+#endif
+  for (int k = 0; k < 4; ++k) added->w[k] = lost ? share * sky.w[k] : added->w[k];
+}
+
+#if HAS_REFLECTION
+/* What a bounce decides, in every lane. */
+typedef struct {
+  vec3v d;           /* where paths go on */
+  realv density;     /* of that direction; negative without spread, 0 for none */
+  colourv weight;
+  colourv lit;       /* light of the light that was asked, times everything but the throughput */
+} bounced_t;
+
+/* bounce_all - asks a light, and draws where to go on, material by material. */
+INLINE void bounce_all(const looks_t *looks, const pathv *ray, const pointv *point,
+                       const bandv *band, intv substance, const realv *chance, realv choice,
+#if HAS_LIGHTS
+                       const light_samplev *light,
+#endif
+                       bounced_t *bounced) {
+  framev frame;
+  frame_of(point->sx, point->sy, point->sz, &frame);
+  vec3v wo;
+  to_frame(&frame, -ray->dx, -ray->dy, -ray->dz, &wo);
+  wo.z = larger(wo.z, (realv)R(1e-6));
+#if HAS_LIGHTS
+  vec3v wl;
+  to_frame(&frame, light->dx, light->dy, light->dz, &wl);
+  realv side = dot3(point->nx, point->ny, point->nz, light->dx, light->dy, light->dz);
+#endif
+  bounced->density = (realv)0;
+  for (int k = 0; k < 4; ++k) bounced->weight.w[k] = bounced->lit.w[k] = (realv)0;
+  bounced->d.x = bounced->d.y = (realv)0, bounced->d.z = (realv)1;
+  intv left = substance;
+  for (;;) {
+    maskv here;
+    const int number = next_number(&left, &here);
+    if (number < 0) break;
+    closurev closure;
+    closure_of(looks, looks->substances + number, band, point, &closure);
+#if HAS_LIGHTS
+    if (material_scatters_to_lights(&closure)) {
+      colourv value;
+      material_eval(&closure, &wo, &wl, &value);
+      realv pdf = material_pdf(&closure, &wo, &wl);
+      maskv possible = here & (light->distance > 0);
+      possible = possible & (material_transmits(&closure) ? wl.z * side > 0
+                                                           : (wl.z > 0) & (side > 0));
+      realv share = light->density > 0 ? light->density / (light->density + pdf) : (realv)1;
+      for (int k = 0; k < 4; ++k)
+        bounced->lit.w[k] = possible ? value.w[k] * light->light.w[k] * share : bounced->lit.w[k];
+    }
+#endif
+    vec3v inner, d;
+    colourv weight;
+    realv density =
+        material_sample(&closure, &wo, chance[0], chance[1], choice, &inner, &weight);
+    to_world(&frame, &inner, &d);
+    realv outside = dot3(point->nx, point->ny, point->nz, d.x, d.y, d.z);
+    density = inner.z * outside > 0 ? density : (realv)0;
+    bounced->d.x = here ? d.x : bounced->d.x;
+    bounced->d.y = here ? d.y : bounced->d.y;
+    bounced->d.z = here ? d.z : bounced->d.z;
+    bounced->density = here ? density : bounced->density;
+    for (int k = 0; k < 4; ++k)
+      bounced->weight.w[k] = here ? weight.w[k] : bounced->weight.w[k];
+  }
+}
+#endif
+
+/* shade_group - adds what the paths of a group see, and sends them on.
+ *
+ * going, waiting   out: paths that go on, and those that wait for a light
+ */
+INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
+                        const looks_t *looks, const pathsv_t *paths, const samples_t *samples,
+                        const slotsv *at, const shape_hitv *hit, realv weight, int bounce,
+                        int max_bounces, int *going, int *waiting) {
+  const int n_slots = paths->n_slots;
+  maskv alive = filled(at) & (weight > 0);
+  maskv met = alive & mask_from_int(hit->object >= 0);
+  uintv pixel_stream, sample;
+  bandv band;
+  number_paths(samples, at, &pixel_stream, &sample, &band);
+  pathv ray;
+  ray.ox = read_plane(paths->origin, at);
+  ray.oy = read_plane(paths->origin + n_slots, at);
+  ray.oz = read_plane(paths->origin + 2 * (size_t)n_slots, at);
+  ray.dx = read_plane(paths->direction, at);
+  ray.dy = read_plane(paths->direction + n_slots, at);
+  ray.dz = read_plane(paths->direction + 2 * (size_t)n_slots, at);
+  colourv carried, added, seen;
+  realv density = -1;
+  for (int k = 0; k < 4; ++k) carried.w[k] = (realv)1, added.w[k] = seen.w[k] = (realv)0;
+  if (bounce > 0) {
+    read4(paths->throughput, n_slots, at, &carried);
+    read4(paths->radiance, n_slots, at, &seen);
+    density = read_plane(paths->last_density, at);
+  }
+#if HAS_ADDITIVE
+  colourv kept = carried;
+#endif
+  /* Light of the surroundings and of surfaces. */
+  pointv point;
+  point.x = point.y = point.z = point.u = point.v = (realv)0;
+  point.nx = point.ny = point.sx = point.sy = (realv)0;
+  point.nz = point.sz = (realv)1;
+  point.is_front = met;
+  intv substance;
+  maskv passing;
+  add_background(shapes, looks, &ray, &band, density, alive & !met, &added);
+  shape_hitv own = *hit;
+  own.object = select_int(met, hit->object, (intv)(-1));
+  meet_all(shapes, triangles, looks, &ray, &own, &band, density, &added, &point, &substance,
+           &passing);
+  for (int k = 0; k < 4; ++k) seen.w[k] = mul_add(carried.w[k], added.w[k], seen.w[k]);
+  write4(&seen, paths->radiance, n_slots, at);
+  intv go = 0, wait = 0;
+#if HAS_ADDITIVE
+  intv scattered = bounce > 0 ? read_int_plane(paths->bounces, at) : (intv)0;
+  if (any_lane(passing)) {
+    go = select_int(passing & met, (intv)1, go);
+    realv beyond = mul_add(hit->distance, (realv)(1 + 16 * ROUNDING), (realv)R(1e-12));
+    write_plane(passing & met ? beyond : (realv)0, paths->passed, at);
+  } else {
+    write_plane((realv)0, paths->passed, at);
+  }
+  met = met & !passing & mask_from_int(scattered < max_bounces);
+#else
+  if (bounce >= max_bounces) met = (maskv)(0);
+#endif
+#if HAS_REFLECTION
+  substance = select_int(met & mask_from_int(substance >= 0), substance, (intv)(-1));
+  met = mask_from_int(substance >= 0);
+  if (any_lane(met)) {
+    realv chance[8];
+    bounce_numbers(sample, samples->bits, pixel_stream, bounce, 0, chance);
+#if HAS_LIGHTS || HAS_CHOICES
+    bounce_numbers(sample, samples->bits, pixel_stream, bounce, 1, chance + 4);
+#else
+    chance[6] = chance[7] = (realv)0;
+#endif
+    substance = resolve(looks, substance, &point, chance[7]);
+    realv off = step_off(&point);
+    bounced_t bounced;
+#if HAS_LIGHTS
+    light_samplev light;
+    sample_lights(shapes, triangles, looks, &point, &band, met, chance[2], chance[4], chance[5],
+                  &light);
+    bounce_all(looks, &ray, &point, &band, substance, chance, chance[6], &light, &bounced);
+    /* Wait for what may be hidden. */
+    colourv lit;
+    for (int k = 0; k < 4; ++k) lit.w[k] = carried.w[k] * bounced.lit.w[k];
+    maskv waits = met & (largest4(&lit) > 0);
+    wait = select_int(waits, (intv)1, (intv)0);
+    realv side = dot3(point.nx, point.ny, point.nz, light.dx, light.dy, light.dz);
+    realv out = side > 0 ? off : -off;
+    write3(mul_add(out, point.nx, point.x), mul_add(out, point.ny, point.y),
+           mul_add(out, point.nz, point.z), paths->shadow_origin, n_slots, at);
+    write3(light.dx, light.dy, light.dz, paths->shadow_direction, n_slots, at);
+    /* Stop short of the light itself. */
+    write_plane(mul_add(light.distance, (realv)(1 - 64 * ROUNDING), -2 * off), paths->shadow_most,
+                at);
+    write4(&lit, paths->shadow_light, n_slots, at);
+#else
+    bounce_all(looks, &ray, &point, &band, substance, chance, chance[6], &bounced);
+#endif
+    /* Go on, or end by chance where little is carried. */
+    for (int k = 0; k < 4; ++k) carried.w[k] *= bounced.weight.w[k];
+    realv most = largest4(&carried);
+    maskv on = met & (bounced.density != 0) & (most > 0);
+    if (bounce >= 2) {
+      realv survival = smaller(most, (realv)R(0.95));
+      on = on & (chance[3] < survival);
+      realv scale = 1 / (survival > 0 ? survival : (realv)1);
+      for (int k = 0; k < 4; ++k) carried.w[k] *= scale;
+    }
+    realv side_on = dot3(point.nx, point.ny, point.nz, bounced.d.x, bounced.d.y, bounced.d.z);
+    realv out_on = side_on > 0 ? off : -off;
+#if HAS_ADDITIVE
+    write3(passing ? ray.ox : mul_add(out_on, point.nx, point.x),
+           passing ? ray.oy : mul_add(out_on, point.ny, point.y),
+           passing ? ray.oz : mul_add(out_on, point.nz, point.z), paths->origin, n_slots, at);
+    write3(passing ? ray.dx : bounced.d.x, passing ? ray.dy : bounced.d.y,
+           passing ? ray.dz : bounced.d.z, paths->direction, n_slots, at);
+    for (int k = 0; k < 4; ++k) kept.w[k] = passing ? kept.w[k] : carried.w[k];
+    density = passing ? density : HAS_LIGHTS ? bounced.density : (realv)-1;
+#else
+    write3(mul_add(out_on, point.nx, point.x), mul_add(out_on, point.ny, point.y),
+           mul_add(out_on, point.nz, point.z), paths->origin, n_slots, at);
+    write3(bounced.d.x, bounced.d.y, bounced.d.z, paths->direction, n_slots, at);
+    write4(&carried, paths->throughput, n_slots, at);
+    write_plane(HAS_LIGHTS ? bounced.density : (realv)-1, paths->last_density, at);
+#endif
+    go = select_int(on, (intv)1, go);
+  }
+#endif
+#if HAS_ADDITIVE
+  /* Paths that only pass keep what they carry. */
+  write4(&kept, paths->throughput, n_slots, at);
+  write_plane(density, paths->last_density, at);
+  write_int_plane(scattered + select_int(met, (intv)1, (intv)0), paths->bounces, at);
+#endif
+#if WIDTH == 1
+  *going = go, *waiting = wait;
+#else
+  *(intv_mem *)going = go;
+  *(intv_mem *)waiting = wait;
+#endif
+}
+
+/* shade - shades all living paths.
+ *
+ * counts   out: how many paths go on (next), and how many wait for a light (shadowed)
+ */
+kernel void shade(
+    const int n_alive, global const int *restrict alive, const int n_slots,
+    global const real *restrict weight, global const real *restrict distance,
+    global const int *restrict hit_object, global const int *restrict hit_triangle,
+    global const real *restrict hit_uv, global real *restrict origin,
+    global real *restrict direction, global real *restrict throughput,
+    global real *restrict radiance, global real *restrict last_density,
+    global real *restrict passed, global int *restrict bounces, constant world_t *world,
+    constant flat_t *flats, constant ball_t *balls, global const instance_t *restrict instances,
+    global const object_t *restrict objects, global const substance_t *restrict substances,
+    global const texture_t *restrict textures, global const light_t *restrict lights,
+    global const float *restrict texels, global const real *restrict corners,
+    global const real *restrict normals, global const real *restrict uvs,
+    global const real *restrict spectra, const int n_columns,
+    global const int *restrict band_first, const int n_bands, const int n_padded,
+    constant tile_t *tile, const uint first_sample, const uint block, const int bits,
+    const uint stream, const int bounce, const int max_bounces, global int *restrict next,
+    global int *restrict shadowed, global int *restrict counts, global real *restrict shadow_origin,
+    global real *restrict shadow_direction, global real *restrict shadow_most,
+    global real *restrict shadow_light) {
+  /* A counter shared by all work-items is dear on a CPU; a chunk of paths asks it once. */
+  const int begin = (int)get_global_id(0) * PATHS_AN_ITEM;
+  const int end = begin + PATHS_AN_ITEM < n_alive ? begin + PATHS_AN_ITEM : n_alive;
+  const shapes_t shapes = {world, flats, balls, 0, 0, 0, instances};
+  const triangles_t triangles = {corners, normals, uvs};
+  const looks_t looks = {objects, substances, textures, lights, texels, spectra, n_columns};
+  const pathsv_t paths = {origin,        direction,        throughput,  radiance,
+                          last_density,  passed,           bounces,     shadow_origin,
+                          shadow_direction, shadow_most,   shadow_light, n_slots};
+  const samples_t samples = {tile, band_first, n_bands, n_padded, bits, first_sample, block, stream};
+  int going[PATHS_AN_ITEM], waiting[PATHS_AN_ITEM];
+  int n_going = 0, n_waiting = 0;
+  for (int first = begin; first < end; first += WIDTH) {
+    slotsv at;
+    slots_of(alive, first, n_alive, bounce == 0, &at);
+    shape_hitv hit;
+    hit.distance = read_plane(distance, &at);
+    hit.object = read_int_plane(hit_object, &at);
+    hit.triangle = read_int_plane(hit_triangle, &at);
+    hit.u = read_plane(hit_uv, &at);
+    hit.v = read_plane(hit_uv + n_slots, &at);
+    int go[WIDTH], wait[WIDTH];
+    shade_group(&shapes, &triangles, &looks, &paths, &samples, &at, &hit,
+                read_plane(weight, &at), bounce, max_bounces, go, wait);
+    for (int i = 0; i < at.count; ++i) {
+      going[n_going] = waiting[n_waiting] = LANE(at.slot, i);
+      n_going += go[i];
+      n_waiting += wait[i];
+    }
+  }
+  if (n_going > 0) {
+    const int at = atomic_add(counts, n_going);
+    for (int i = 0; i < n_going; ++i) next[at + i] = going[i];
+  }
+  if (n_waiting > 0) {
+    const int at = atomic_add(counts + 1, n_waiting);
+    for (int i = 0; i < n_waiting; ++i) shadowed[at + i] = waiting[i];
+  }
+}
+
+/* gather - the mean over samples of weight times radiance, for every pixel, band and wavelength.
+ *
+ * film   planes (band, wavelength of the band) of n_padded pixels
+ */
+kernel void gather(const int n_samples, const int n_bands, const int n_padded, const int n_slots,
+                   global const real *restrict weight, global const real *restrict radiance,
+                   global real *restrict film) {
+  const int first = (int)get_global_id(0) * WIDTH, band = get_global_id(1);
+  realv sum[4];
+  for (int k = 0; k < 4; ++k) sum[k] = (realv)0;
+  for (int s = 0; s < n_samples; ++s) {
+    const size_t slot = ((size_t)s * n_bands + band) * n_padded + first;
+    realv w = *(global const realv_mem *)(weight + slot);
+    for (int k = 0; k < 4; ++k)
+      sum[k] = mul_add(w, *(global const realv_mem *)(radiance + (size_t)k * n_slots + slot),
+                       sum[k]);
+  }
+  const real scale = R(1.0) / n_samples;
+  for (int k = 0; k < 4; ++k)
+    *(global realv_mem *)(film + ((size_t)band * 4 + k) * n_padded + first) = sum[k] * scale;
+}
