@@ -87,6 +87,10 @@ MOST_PASSES = 64
 """Cut-out or additive surfaces that a ray may pass one after the other."""
 
 
+GROUP_PIXELS = 64
+"""Pixels whose paths a work-item follows where they stay in its cache."""
+
+
 def paths_an_item(device: Device) -> int:
     """Paths that a work-item shades one after the other."""
     return 64 if device.is_cpu else 1
@@ -107,6 +111,8 @@ class PathConfig:
         Type of the arithmetic, and its lanes in the stage that leaves the eye.
     max_bounces
         Times a path may be scattered; 0 if nothing scatters.
+    is_fused
+        One kernel follows bundles of paths to their ends, instead of stages over all of them.
     has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
@@ -132,6 +138,7 @@ class PathConfig:
     precision: Precision
     vector_width: int
     max_bounces: int
+    is_fused: bool = False
     has_conics: bool = True
     has_aspheric_retina: bool = True
     has_far_side: bool = True
@@ -164,9 +171,9 @@ class PathConfig:
         """Straight parts of the longest path."""
         return self.max_bounces + 1 + (MOST_PASSES if self.has_additive else 0)
 
-    def eye_defines(self, device: Device) -> dict[str, int]:
+    def eye_defines(self, device: Device, width: int) -> dict[str, int]:
         """The #defines of the stage that leaves the eye, those of the device included."""
-        return device.defines(self.precision, self.vector_width) | {
+        return device.defines(self.precision, width) | {
             "HAS_CONICS": int(self.has_conics),
             "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
             "HAS_FAR_SIDE": int(self.has_far_side),
@@ -179,6 +186,9 @@ class PathConfig:
             (self.has_translucent, self.has_dielectrics, self.has_coated)
         )
         return device.defines(self.precision, path_width(device, self.precision)) | {
+            "PATHS_ARE_LOCAL": int(self.is_fused),
+            "GROUP_PIXELS": GROUP_PIXELS,
+            "SAMPLES_AT_ONCE": SAMPLES_AT_ONCE,
             "PATHS_AN_ITEM": paths_an_item(device),
             "MOST_PASSES": MOST_PASSES,
             "MOST_COMBINED": self.combined_depth + 1,

@@ -131,8 +131,8 @@ def sobol_declaration() -> str:
 
 
 def eye_declarations() -> str:
-    """The C declarations of the camera, and the table of direction numbers."""
-    return CAMERA.c_declaration() + PUPIL.c_declaration() + sobol_declaration()
+    """The C declarations of the camera."""
+    return CAMERA.c_declaration() + PUPIL.c_declaration()
 
 
 def declarations(config: KernelConfig) -> str:
@@ -148,6 +148,7 @@ def declarations(config: KernelConfig) -> str:
         ray_declarations()
         + c_enum(MaterialKind, "MATERIAL")
         + eye_declarations()
+        + sobol_declaration()
         + "".join(struct.c_declaration() for struct in structs)
     )
 

@@ -46,6 +46,8 @@ WORLD = Struct(
         Member("instances_at", "int"),
         Member("environment_probability"),
         Member("rotation", length=9),
+        Member("meshes_low", length=3),
+        Member("meshes_high", length=3),
     ),
 )
 OBJECT = Struct(

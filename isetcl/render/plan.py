@@ -203,6 +203,7 @@ def plan(
         config = PathConfig(
             precision=resolved,
             vector_width=width,
+            is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
             **_decide_eye(eye, pupils, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
@@ -290,6 +291,17 @@ def _decide_width(device: Device, precision: Precision, notes: list[Decision]) -
         reason = "this device interprets kernels"
     notes.append(Decision("vector width", str(width), reason))
     return width
+
+
+def _decide_fused(device: Device, notes: list[Decision]) -> bool:
+    is_fused = device.is_cpu and not device.is_interpreter
+    reason = (
+        "bundles of paths stay in the cache of a core"
+        if is_fused
+        else "every stage works on all paths of a tile"
+    )
+    notes.append(Decision("kernels", "one" if is_fused else "by stages", reason))
+    return is_fused
 
 
 def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
@@ -435,7 +447,8 @@ def _decide_tile(
     """Columns and rows of a tile whose film, or whose paths, fit the device comfortably."""
     columns, rows = grid.resolution
     bytes_per_pixel = n_bands * config.n_basis * (4 if config.precision == "single" else 8)
-    if isinstance(config, PathConfig):
+    by_stages = isinstance(config, PathConfig) and not config.is_fused
+    if by_stages:
         bytes_per_pixel = n_bands * SAMPLES_AT_ONCE * _PATH_BYTES
         pixels = _TILE_PATHS_BYTES // bytes_per_pixel
     else:
@@ -445,7 +458,7 @@ def _decide_tile(
     if width == columns and height == rows:
         reason = "the whole image fits"
     else:
-        what = "paths" if isinstance(config, PathConfig) else "film"
+        what = "paths" if by_stages else "film"
         reason = f"the {what} of a tile takes {width * height * bytes_per_pixel / 2**20:.3g} MB"
     notes.append(Decision("tile", f"{width} x {height}", reason))
     return width, height

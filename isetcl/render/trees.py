@@ -47,6 +47,7 @@ class SceneTrees:
             blocks_at += len(own_blocks)
         self.records = {name: array.copy() for name, array in packed.records.items()}
         self.records["world"]["instances_at"] = nodes_at
+        self.records["world"]["meshes_low"], self.records["world"]["meshes_high"] = _bounds(packed)
         self.instances = np.zeros(1, dtype=INSTANCE.dtype(precision))
         if packed.instances:
             upper, self.instances, own_depth = _upper_tree(packed, places[1:], precision)
@@ -60,6 +61,19 @@ class SceneTrees:
         blocks = blocks or [np.zeros(1, block_dtype(precision))]
         self.nodes = cl.Buffer(device.context, flags, hostbuf=_joined(nodes))
         self.blocks = cl.Buffer(device.context, flags, hostbuf=_joined(blocks))
+
+
+def _bounds(packed: PackedScene) -> np.ndarray:
+    """The box around all triangles and instances, (2, 3), a little too large."""
+    boxes = [_box(instance) for _, _, instance in packed.instances]
+    if packed.n_placed:
+        placed = packed.triangles[: packed.n_placed]
+        boxes.append((placed.min(axis=(0, 1)), placed.max(axis=(0, 1))))
+    if not boxes:
+        return np.zeros((2, 3))
+    low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
+    slack = 4e-7 * np.maximum(np.abs(low), np.abs(high))
+    return np.array([low - slack, high + slack])
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:

@@ -2,6 +2,13 @@
  */
 #include "lib/real.cl"
 
+/* PLANE - where the state of paths lies: in device memory, or in that of a work-group. */
+#if PATHS_ARE_LOCAL
+#define PLANE local
+#else
+#define PLANE global
+#endif
+
 /* LANE - one lane of a vector; a vector of one lane is a number. */
 #if WIDTH == 1
 #define LANE(x, i) (x)
@@ -57,15 +64,15 @@ INLINE intv select_int(maskv condition, intv yes, intv no) {
 }
 
 /* read_plane - values of a plane at the slots of a group. */
-INLINE realv read_plane(global const real *plane, const slotsv *at) {
-  if (at->is_row) return *(global const realv_mem *)(plane + LANE(at->slot, 0));
+INLINE realv read_plane(PLANE const real *plane, const slotsv *at) {
+  if (at->is_row) return *(PLANE const realv_mem *)(plane + LANE(at->slot, 0));
   realv value;
 #pragma unroll
   for (int i = 0; i < WIDTH; ++i) LANE(value, i) = plane[LANE(at->slot, i)];
   return value;
 }
-INLINE intv read_int_plane(global const int *plane, const slotsv *at) {
-  if (at->is_row) return *(global const intv_mem *)(plane + LANE(at->slot, 0));
+INLINE intv read_int_plane(PLANE const int *plane, const slotsv *at) {
+  if (at->is_row) return *(PLANE const intv_mem *)(plane + LANE(at->slot, 0));
   intv value;
 #pragma unroll
   for (int i = 0; i < WIDTH; ++i) LANE(value, i) = plane[LANE(at->slot, i)];
@@ -73,21 +80,21 @@ INLINE intv read_int_plane(global const int *plane, const slotsv *at) {
 }
 
 /* write_plane - the same, the other way. Slots of paths that have ended may be written, too. */
-INLINE void write_plane(realv value, global real *plane, const slotsv *at) {
+INLINE void write_plane(realv value, PLANE real *plane, const slotsv *at) {
   if (at->is_row)
-    *(global realv_mem *)(plane + LANE(at->slot, 0)) = value;
+    *(PLANE realv_mem *)(plane + LANE(at->slot, 0)) = value;
   else
     for (int i = 0; i < at->count; ++i) plane[LANE(at->slot, i)] = LANE(value, i);
 }
-INLINE void write_int_plane(intv value, global int *plane, const slotsv *at) {
+INLINE void write_int_plane(intv value, PLANE int *plane, const slotsv *at) {
   if (at->is_row)
-    *(global intv_mem *)(plane + LANE(at->slot, 0)) = value;
+    *(PLANE intv_mem *)(plane + LANE(at->slot, 0)) = value;
   else
     for (int i = 0; i < at->count; ++i) plane[LANE(at->slot, i)] = LANE(value, i);
 }
 
 /* slots_of - the slots of `count` paths of a list from number `first`; all paths where is_first. */
-INLINE void slots_of(global const int *alive, int first, int n_alive, int is_first, slotsv *at) {
+INLINE void slots_of(PLANE const int *alive, int first, int n_alive, int is_first, slotsv *at) {
   at->count = n_alive - first < WIDTH ? n_alive - first : WIDTH;
   if (is_first && at->count == WIDTH) {
     at->slot = first + int_from_uint(lane_numbers());

@@ -84,13 +84,39 @@ INLINE void mesh_hit_of_lane(const shapes_t *shapes, real ox, real oy, real oz, 
 #endif
 }
 
+/* cut_by_slab - the part of rays between two planes, no shorter than it is. */
+INLINE void cut_by_slab(realv o, realv d, real low, real high, realv *enter, realv *leave) {
+  maskv is_flat = magnitude(d) < R(1e-18);
+  realv inverse = 1 / (is_flat ? (realv)R(1e-18) : d);
+  inverse = is_flat ? (realv)R(1e24) : inverse;
+  realv a = (low - o) * inverse, b = (high - o) * inverse;
+  realv slack = (magnitude(a) + magnitude(b)) * (4 * ROUNDING) + (is_flat ? (realv)R(1e15) : (realv)0);
+  *enter = larger(*enter, smaller(a, b) - slack);
+  *leave = smaller(*leave, larger(a, b) + slack);
+}
+
+/* may_meet_meshes - whether rays cross the box around all meshes between `least` and `most`.
+ *
+ * Rays that do not are spared the way down the tree.
+ */
+INLINE maskv may_meet_meshes(constant world_t *world, const pathv *ray, realv least, realv most) {
+  realv enter = least, leave = most;
+  cut_by_slab(ray->ox, ray->dx, world->meshes_low[0], world->meshes_high[0], &enter, &leave);
+  cut_by_slab(ray->oy, ray->dy, world->meshes_low[1], world->meshes_high[1], &enter, &leave);
+  cut_by_slab(ray->oz, ray->dz, world->meshes_low[2], world->meshes_high[2], &enter, &leave);
+  return enter <= leave;
+}
+
 /* meet_meshes - triangles nearer than what was hit so far. */
 INLINE void meet_meshes(const shapes_t *shapes, const pathv *ray, realv least, maskv active,
                         shape_hitv *hit) {
   lanesv_t at[8];
   at[0].all = ray->ox, at[1].all = ray->oy, at[2].all = ray->oz;
   at[3].all = ray->dx, at[4].all = ray->dy, at[5].all = ray->dz;
-  at[6].all = least, at[7].all = active ? hit->distance * COINCIDENT : (realv)-1;
+  realv most = hit->distance * COINCIDENT;
+  active = active & may_meet_meshes(shapes->world, ray, least, most);
+  if (!any_lane(active)) return;
+  at[6].all = least, at[7].all = active ? most : (realv)-1;
   for (int i = 0; i < WIDTH; ++i) {
     if (!(at[7].lane[i] > 0)) continue;
     mesh_hit_t found = {at[7].lane[i], -1, 0, 0};
@@ -160,7 +186,8 @@ INLINE maskv is_hidden(const shapes_t *shapes, const pathv *ray, realv most, mas
   lanesv_t at[7];
   at[0].all = ray->ox, at[1].all = ray->oy, at[2].all = ray->oz;
   at[3].all = ray->dx, at[4].all = ray->dy, at[5].all = ray->dz;
-  at[6].all = hidden ? (realv)-1 : most;
+  at[6].all = !hidden & may_meet_meshes(shapes->world, ray, (realv)0, most) ? most : (realv)-1;
+  if (!any_lane(at[6].all > 0)) return hidden;
   for (int i = 0; i < WIDTH; ++i) {
     if (!(at[6].lane[i] > 0)) continue;
     int is_met = 0;
@@ -176,9 +203,9 @@ INLINE maskv is_hidden(const shapes_t *shapes, const pathv *ray, realv most, mas
                             at[0].lane[i], at[1].lane[i], at[2].lane[i], at[3].lane[i],
                             at[4].lane[i], at[5].lane[i], at[6].lane[i]);
 #endif
-    if (is_met) at[6].lane[i] = -1;
+    at[6].lane[i] = is_met ? -2 : at[6].lane[i];
   }
-  hidden = hidden | !(at[6].all > 0);
+  hidden = hidden | (at[6].all == -2);
 #endif
   return hidden;
 }

@@ -47,8 +47,10 @@ typedef struct {
 /* wrap_index - an index brought into 0 ... n - 1, by repeating or by stopping at the border. */
 INLINE intv wrap_index(intv i, int n, int repeats) {
   if (!repeats) return i < 0 ? (intv)0 : i > n - 1 ? (intv)(n - 1) : i;
-  intv rest = i % n;
-  return rest < 0 ? rest + n : rest;
+  intv rest = i - whole(real_from_int(i) * (R(1.0) / (real)n)) * n;
+  rest = rest < 0 ? rest + n : rest;
+  rest = rest >= n ? rest - n : rest;
+  return rest < 0 ? (intv)0 : rest >= n ? (intv)(n - 1) : rest;
 }
 
 /* find_texels - the texels around (u, v), bilinear between their centres. */
