@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isetcl.scene.light import Environment
 from isetcl.scene.model import Scene
 
 _RELATIVE_TOLERANCE = 1e-9

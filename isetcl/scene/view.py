@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.scene.bvh import closest_hits
-from isetcl.scene.mesh import Mesh
+from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Shape, Sphere
 from isetcl.scene.texture import Image
 
