@@ -166,8 +166,8 @@ def _check_emission_only(scene: Scene) -> None:
             )
         if not item.is_opaque:
             raise InvalidInputError(
-                f"PSF methods see only opaque surfaces, but light passes object {item.name!r}; make "
-                "it opaque, or use ray tracing"
+                f"PSF methods see only opaque surfaces, but light passes object {item.name!r}; "
+                "make it opaque, or use ray tracing"
             )
 
 

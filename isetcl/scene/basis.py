@@ -48,6 +48,7 @@ def spectral_basis(scene: Scene, wavelengths_nm: np.ndarray) -> SpectralBasis:
     chosen: list[np.ndarray] = []
     known: dict[str, np.ndarray] = {}
     rows: list[list[np.ndarray]] = []
+    assert not isinstance(scene.background, Environment), "a basis spans even backgrounds only"
     sources = [[scene.background] if scene.background else []]
     sources += [list(item.material.spectra()) for item in scene.objects]
     for spectra in sources:

@@ -138,6 +138,7 @@ class Instance:
         check_type("instance: mesh", self.mesh, Mesh)
         object.__setattr__(self, "matrix", check_affine(self.matrix))
 
+    @functools.cached_property
     def in_place(self) -> Mesh:
         """The mesh moved to where the instance stands."""
         return self.mesh.moved(self.matrix)

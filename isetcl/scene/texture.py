@@ -138,8 +138,8 @@ class Image:
     Parameters
     ----------
     texels
-        Weights >= 0, shape (rows, columns) or (rows, columns, channels), row 0 at the top. Linear: a
-        photograph must be decoded from sRGB first, as `load_image` does.
+        Weights >= 0, shape (rows, columns) or (rows, columns, channels), row 0 at the top. Linear:
+        a photograph must be decoded from sRGB first, as `load_image` does.
     name
         For messages and provenance.
     wrap
@@ -160,8 +160,8 @@ class Image:
             texels = texels[..., 0]
         if texels.ndim not in (2, 3) or texels.size == 0:
             raise InvalidInputError(
-                f"image {self.name!r} must have shape (rows, columns) or (rows, columns, channels), "
-                f"got {texels.shape}"
+                f"image {self.name!r} must have shape (rows, columns) or (rows, columns, "
+                f"channels), got {texels.shape}"
             )
         if not np.all(np.isfinite(texels)) or np.any(texels < 0):
             raise InvalidInputError(
