@@ -523,8 +523,9 @@ def test_what_is_left_out_is_said_once_for_each_kind(tmp_path):
     gltf.json["nodes"] += [{"mesh": 1}, {"camera": 0}]
     gltf.json["scenes"] = [{"nodes": [0, 1, 2]}]
     gltf.json.update(cameras=[{}], animations=[{}], extensionsUsed=["KHR_materials_sheen"])
-    with pytest.warns(UserWarning, match="it.gltf") as caught:
-        gltf.scene(tmp_path)
+    (tmp_path / "it.gltf").write_text(gltf.text())
+    with pytest.warns(UserWarning, match=r"it\.gltf") as caught:
+        load_mesh_scene(tmp_path / "it.gltf")
     said = sorted(str(w.message) for w in caught)
     assert len(said) == 4
     assert any("normalTexture is left out: a, b" in message for message in said)

@@ -174,7 +174,7 @@ class Assets:
             more = f" and {len(what) - 10} more" if len(what) > 10 else ""
             names = ", ".join(name for name in what[:10] if name)
             warnings.warn(
-                f"{self.file.name}: {kind}" + (f": {names}{more}" if names else ""), stacklevel=4
+                f"{self.file.name}: {kind}" + (f": {names}{more}" if names else ""), stacklevel=3
             )
 
 
