@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,29 +42,21 @@ def quaternion_matrix(quaternion: np.ndarray) -> np.ndarray:
 def assemble(parts: list[Part], scale: float, assets: Assets) -> tuple[SceneObject, ...]:
     """Scene objects with different names; a mesh that stands in many places becomes instances.
 
-    A map that mirrors turns the winding of the triangles, so that fronts stay fronts. A map that
-    flattens hides the part.
+    A map that flattens hides the part.
     """
     counts: dict[int, int] = {}
     for part in parts:
         counts[id(part.mesh)] = counts.get(id(part.mesh), 0) + 1
-    mirrored: dict[int, Mesh] = {}
     names: dict[str, int] = {}
     objects = []
     for part in parts:
         matrix = np.diag([scale, scale, scale, 1.0]) @ part.matrix
-        determinant = float(np.linalg.det(matrix[:3, :3]))
-        if determinant == 0.0:
+        if float(np.linalg.det(matrix[:3, :3])) == 0.0:
             assets.note("parts of no extent (scaled by 0) are left out", part.name)
             continue
-        mesh = part.mesh
-        if determinant < 0.0:
-            if id(part.mesh) not in mirrored:
-                mirrored[id(part.mesh)] = dataclasses.replace(mesh, faces=mesh.faces[:, ::-1])
-            mesh = mirrored[id(part.mesh)]
         single = counts[id(part.mesh)] == 1
         try:
-            shape = mesh.moved(matrix) if single else Instance(mesh, matrix)
+            shape = part.mesh.moved(matrix) if single else Instance(part.mesh, matrix)
         except InvalidInputError as error:
             raise InvalidInputError(f"part {part.name!r}: {error}") from error
         objects.append(part.surface.object(_unique(part.name, names), shape))
