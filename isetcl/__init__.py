@@ -36,11 +36,13 @@ from isetcl.render.trace import trace_rays
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene import targets as scenes
-from isetcl.scene.light import DistantLight, PointLight
-from isetcl.scene.material import Diffuse, Emission, UnlitReflectance
-from isetcl.scene.mesh import Mesh, load_mesh
+from isetcl.scene.complex_index import ComplexIndex
+from isetcl.scene.light import DistantLight, Environment, PointLight, SpotLight
+from isetcl.scene.material import Coated, Diffuse, Emission, Mix, TwoSided, UnlitReflectance
+from isetcl.scene.mesh import Instance, Mesh, load_mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
-from isetcl.scene.texture import Checkerboard, Image, load_image
+from isetcl.scene.specular import Conductor, Dielectric, Mirror
+from isetcl.scene.texture import Checkerboard, Grid, Image, load_image
 from isetcl.spectrum import Spectrum
 from isetcl.version import __version__
 
@@ -49,22 +51,31 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 __all__ = [
     "AbbeDispersion",
     "Checkerboard",
+    "Coated",
+    "ComplexIndex",
+    "Conductor",
     "ConstantIndex",
     "CornuDispersion",
     "DeviceError",
+    "Dielectric",
     "Diffuse",
     "Disc",
     "DistantLight",
     "Emission",
+    "Environment",
     "Eye",
     "FileError",
     "FocusError",
+    "Grid",
     "Image",
+    "Instance",
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
     "Medium",
     "Mesh",
+    "Mirror",
+    "Mix",
     "NavarroDispersion",
     "OutOfMemoryError",
     "Plan",
@@ -79,8 +90,10 @@ __all__ = [
     "SceneObject",
     "Spectrum",
     "Sphere",
+    "SpotLight",
     "Stop",
     "Surface",
+    "TwoSided",
     "UnlitReflectance",
     "__version__",
     "eyes",

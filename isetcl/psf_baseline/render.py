@@ -34,7 +34,7 @@ from isetcl.retina.depth import vergence_map
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.basis import spectral_basis
-from isetcl.scene.material import Diffuse
+from isetcl.scene.light import Environment
 from isetcl.scene.model import Scene
 from isetcl.scene.texture import Image
 from isetcl.scene.view import intersect, texels_across
@@ -152,11 +152,22 @@ def render(
 
 def _check_emission_only(scene: Scene) -> None:
     """Refuse what a view along single rays cannot show: light that is scattered."""
+    if isinstance(scene.background, Environment):
+        raise InvalidInputError(
+            "PSF methods know only an even background, but the scene has an Environment; use a "
+            "spectrum, or ray tracing"
+        )
     for item in scene.objects:
-        if isinstance(item.material, Diffuse):
+        if item.scatters:
             raise InvalidInputError(
                 f"PSF methods see only surfaces that send out light by themselves, but object "
-                f"{item.name!r} is Diffuse; use UnlitReflectance, or ray tracing"
+                f"{item.name!r} is {type(item.material).__name__}; use UnlitReflectance, or ray "
+                "tracing"
+            )
+        if not item.is_opaque:
+            raise InvalidInputError(
+                f"PSF methods see only opaque surfaces, but light passes object {item.name!r}; "
+                "make it opaque, or use ray tracing"
             )
 
 
@@ -176,7 +187,7 @@ def _filtered(scene: Scene, grid: RetinalGrid, oversampling: int) -> Scene:
             if math.isfinite(nearest):
                 across = texels_across(item.shape, image, nearest, sample_rad)
                 small = image.halved(max(0, math.floor(math.log2(max(across, 1.0)))))
-                material = dataclasses.replace(item.material, texture=small)
+                material = dataclasses.replace(item.material, texture=small)  # type: ignore[arg-type]
                 item = dataclasses.replace(item, material=material)
         objects.append(item)
     return dataclasses.replace(scene, objects=tuple(objects))

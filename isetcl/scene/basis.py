@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isetcl.scene.light import Environment
 from isetcl.scene.model import Scene
 
 _RELATIVE_TOLERANCE = 1e-9
@@ -47,6 +48,7 @@ def spectral_basis(scene: Scene, wavelengths_nm: np.ndarray) -> SpectralBasis:
     chosen: list[np.ndarray] = []
     known: dict[str, np.ndarray] = {}
     rows: list[list[np.ndarray]] = []
+    assert not isinstance(scene.background, Environment), "a basis spans even backgrounds only"
     sources = [[scene.background] if scene.background else []]
     sources += [list(item.material.spectra()) for item in scene.objects]
     for spectra in sources:

@@ -98,12 +98,8 @@ class Mesh:
         InvalidInputError
             If the matrix is not affine or flattens space.
         """
-        m = check_array("matrix", matrix)
-        if m.shape != (4, 4) or not np.allclose(m[3], [0, 0, 0, 1]):
-            raise InvalidInputError("matrix must be affine, of shape (4, 4), last row 0 0 0 1")
+        m = check_affine(matrix)
         linear = m[:3, :3]
-        if not abs(np.linalg.det(linear)) > 0:
-            raise InvalidInputError("matrix must not flatten space: its determinant is 0")
         normals = None
         if self.normals is not None:
             normals = self.normals @ np.linalg.inv(linear)
@@ -116,6 +112,57 @@ class Mesh:
         parts = (self.vertices_m, self.faces, self.normals, self.uv)
         data = b"".join(b"-" if part is None else part.tobytes() for part in parts)
         return hashlib.sha256(data).hexdigest()[:16]
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A mesh in another place; many instances of one mesh keep it only once.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    matrix : array_like, (4, 4)
+        Affine map from the mesh to the world, for column vectors.
+
+    Raises
+    ------
+    InvalidInputError
+        If the matrix is not affine or flattens space.
+    """
+
+    mesh: Mesh
+    matrix: np.ndarray
+
+    def __post_init__(self) -> None:
+        check_type("instance: mesh", self.mesh, Mesh)
+        object.__setattr__(self, "matrix", check_affine(self.matrix))
+
+    @functools.cached_property
+    def in_place(self) -> Mesh:
+        """The mesh moved to where the instance stands."""
+        return self.mesh.moved(self.matrix)
+
+    def digest(self) -> str:
+        """A hash, for provenance."""
+        data = self.mesh.digest().encode() + self.matrix.tobytes()
+        return hashlib.sha256(data).hexdigest()[:16]
+
+
+def check_affine(matrix: np.ndarray) -> np.ndarray:
+    """Return an affine map as a float64 matrix (4, 4).
+
+    Raises
+    ------
+    InvalidInputError
+        If the matrix is not affine or flattens space.
+    """
+    m = check_array("matrix", matrix)
+    if m.shape != (4, 4) or not np.isfinite(m).all() or not np.allclose(m[3], [0, 0, 0, 1]):
+        raise InvalidInputError("matrix must be affine, of shape (4, 4), last row 0 0 0 1")
+    if not abs(np.linalg.det(m[:3, :3])) > 0:
+        raise InvalidInputError("matrix must not flatten space: its determinant is 0")
+    return m
 
 
 def load_mesh(path: str | Path, *, smooth: bool = False) -> Mesh:

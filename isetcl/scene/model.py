@@ -12,9 +12,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_positive, check_type
-from isetcl.scene.light import DistantLight, Light, PointLight
-from isetcl.scene.material import Diffuse, Emission, Material, UnlitReflectance
-from isetcl.scene.mesh import Mesh
+from isetcl.scene.light import LIGHTS, Environment, Light
+from isetcl.scene.material import EMITTING, SCATTERING, Emission, Material, UnlitReflectance
+from isetcl.scene.mesh import Instance, Mesh
+from isetcl.scene.specular import Level, check_level, level_digest
+from isetcl.scene.texture import Checkerboard, Image
 from isetcl.spectrum import Spectrum
 
 
@@ -83,23 +85,88 @@ class Sphere:
         check_positive("sphere: radius_m", self.radius_m, "m")
 
 
-Shape = Quad | Disc | Sphere | Mesh
+Shape = Quad | Disc | Sphere | Mesh | Instance
+SHAPES = (Quad, Disc, Sphere, Mesh, Instance)
+"""The kinds of shape."""
 
 
 @dataclass(frozen=True, eq=False)
 class SceneObject:
-    """A shape with its material and a name for messages."""
+    """A shape with its material and a name for messages.
+
+    Parameters
+    ----------
+    name, shape, material
+        What it is called, where it is, what it does with light.
+    emission
+        Light that it sends out besides scattering some; a material that only sends out light is
+        its own emission.
+    opacity
+        Share of the light that meets the surface; the rest passes as if nothing were there. A grey
+        texture cuts out leaves and letters.
+
+    Raises
+    ------
+    InvalidInputError
+        If a part is of the wrong kind, or emission is stated twice.
+    """
 
     name: str
     shape: Shape
     material: Material
+    emission: Emission | None = None
+    opacity: Level = 1.0
 
     def __post_init__(self) -> None:
         check_type("scene object: name", self.name, str)
-        check_type(f"object {self.name!r}: shape", self.shape, (Quad, Disc, Sphere, Mesh))
-        check_type(
-            f"object {self.name!r}: material", self.material, (Emission, UnlitReflectance, Diffuse)
-        )
+        check_type(f"object {self.name!r}: shape", self.shape, SHAPES)
+        check_type(f"object {self.name!r}: material", self.material, EMITTING + SCATTERING)
+        check_level(f"object {self.name!r}: opacity", self.opacity)
+        if self.emission is None:
+            return
+        check_type(f"object {self.name!r}: emission", self.emission, Emission)
+        if not self.scatters:
+            raise InvalidInputError(
+                f"object {self.name!r}: emission must be None where the material sends out light "
+                "itself; combine them in the material"
+            )
+        if self.emission.is_additive:
+            raise InvalidInputError(
+                f"object {self.name!r}: an additive emission lets light pass and cannot scatter "
+                "it; make it the material"
+            )
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the surface scatters light that falls on it."""
+        return isinstance(self.material, SCATTERING)
+
+    @property
+    def emitted(self) -> Emission | UnlitReflectance | None:
+        """What the surface sends out by itself."""
+        return self.material if isinstance(self.material, EMITTING) else self.emission
+
+    @property
+    def is_opaque(self) -> bool:
+        """Whether nothing behind the surface shows through it."""
+        additive = isinstance(self.material, Emission) and self.material.is_additive
+        return isinstance(self.opacity, (int, float)) and self.opacity == 1.0 and not additive
+
+    def spectra(self) -> tuple[Spectrum, ...]:
+        """Spectra of what it sends out, then of what it reflects."""
+        emission = () if self.emission is None else self.emission.spectra()
+        return (*emission, *self.material.spectra())
+
+    def digest(self) -> str:
+        """A hash, for provenance."""
+        mesh = isinstance(self.shape, (Mesh, Instance))
+        parts = [
+            self.shape.digest() if mesh else repr(self.shape),  # type: ignore[union-attr]
+            self.material.digest(),
+            self.emission.digest() if self.emission else "",
+            level_digest(self.opacity),
+        ]
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +179,7 @@ class Scene:
         The objects. Where two coincide exactly, the earlier one is seen.
     background
         Spectral radiance from directions in which there is nothing, W m^-2 sr^-1 nm^-1; None is
-        black. It lights the scene, too.
+        black. An `Environment` where it differs by direction. It lights the scene, too.
     name
         For reports.
     lights
@@ -120,7 +187,7 @@ class Scene:
     """
 
     objects: tuple[SceneObject, ...] = ()
-    background: Spectrum | None = None
+    background: Spectrum | Environment | None = None
     name: str = "scene"
     lights: tuple[Light, ...] = ()
     _digest: str = field(init=False, repr=False, default="")
@@ -131,22 +198,30 @@ class Scene:
         for i, item in enumerate(self.objects):
             check_type(f"scene: objects[{i}]", item, SceneObject)
         if self.background is not None:
-            check_type("scene: background", self.background, Spectrum)
+            check_type("scene: background", self.background, (Spectrum, Environment))
         check_type("scene: lights", self.lights, (tuple, list))
         object.__setattr__(self, "lights", tuple(self.lights))
         for i, light in enumerate(self.lights):
-            check_type(f"scene: lights[{i}]", light, (PointLight, DistantLight))
+            check_type(f"scene: lights[{i}]", light, LIGHTS)
         object.__setattr__(self, "_digest", self._hash())
 
     @property
     def has_reflection(self) -> bool:
         """Whether any surface scatters light, so that paths go on behind it."""
-        return any(isinstance(item.material, Diffuse) for item in self.objects)
+        return any(item.scatters for item in self.objects)
 
     @property
     def has_meshes(self) -> bool:
         """Whether any shape is a triangle mesh."""
-        return any(isinstance(item.shape, Mesh) for item in self.objects)
+        return any(isinstance(item.shape, (Mesh, Instance)) for item in self.objects)
+
+    @property
+    def is_flat_light(self) -> bool:
+        """Whether all that is seen is opaque light of analytic shapes before an even background."""
+        plain = all(
+            item.is_opaque and not item.scatters and _is_even(item.emitted) for item in self.objects
+        )
+        return plain and not self.has_meshes and not isinstance(self.background, Environment)
 
     def digest(self) -> str:
         """A hash of everything in the scene, for provenance and caches."""
@@ -154,11 +229,16 @@ class Scene:
 
     def _hash(self) -> str:
         parts = [self.background.digest() if self.background else "black"]
-        for item in self.objects:
-            texture = item.material.texture
-            shape = item.shape.digest() if isinstance(item.shape, Mesh) else repr(item.shape)
-            kind = type(item.material).__name__
-            parts += [kind, shape, texture.digest() if texture else "plain"]
-            parts += [spectrum.digest() for spectrum in item.material.spectra()]
+        parts += [item.digest() for item in self.objects]
         parts += [light.digest() for light in self.lights]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:16]
+
+
+def _is_even(emission: Emission | UnlitReflectance | None) -> bool:
+    """Whether a surface shines on both sides, with a texture that the direct pipeline knows."""
+    if isinstance(emission, Emission) and emission.sides != "both":
+        return False
+    texture = None if emission is None else emission.texture
+    if isinstance(texture, Image):
+        return texture.is_plain and texture.channels in (1, 3)
+    return texture is None or isinstance(texture, Checkerboard)

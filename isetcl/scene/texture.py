@@ -6,9 +6,11 @@ image is its top.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -16,7 +18,10 @@ from isetcl.errors import (
     FileError,
     InvalidInputError,
     check_array,
+    check_between,
+    check_choice,
     check_finite,
+    check_pair,
     check_positive,
     check_type,
 )
@@ -70,6 +75,62 @@ class Checkerboard:
         return hashlib.sha256(repr(self).encode()).hexdigest()[:16]
 
 
+@dataclass(frozen=True)
+class Grid:
+    """Thin lines on a ground, at whole multiples of a period, so that half a line lies at u = 0.
+
+    Parameters
+    ----------
+    periods_u, periods_v
+        Periods along u and v; need not be whole.
+    width
+        Width of a line in periods, 0 to 1.
+    line, ground
+        Weights of lines and ground, >= 0.
+    """
+
+    periods_u: float
+    periods_v: float
+    width: float = 0.1
+    line: float = 1.0
+    ground: float = 0.0
+
+    channels = 1
+
+    def __post_init__(self) -> None:
+        check_positive("grid: periods_u", self.periods_u)
+        check_positive("grid: periods_v", self.periods_v)
+        check_between("grid: width", self.width, 0.0, 1.0)
+        for name in ("line", "ground"):
+            if check_finite(f"grid: {name}", getattr(self, name)) < 0:
+                raise InvalidInputError(f"grid: {name} must be >= 0, got {getattr(self, name):g}")
+
+    @property
+    def largest(self) -> float:
+        """The largest weight."""
+        return max(self.line, self.ground)
+
+    @property
+    def mean(self) -> float:
+        """The mean weight, for estimates."""
+        share = 1.0 - (1.0 - self.width) ** 2
+        return share * self.line + (1.0 - share) * self.ground
+
+    def weights(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Weights at texture coordinates, shape (..., 1)."""
+        half = self.width / 2.0
+        a, b = np.asarray(u) * self.periods_u + half, np.asarray(v) * self.periods_v + half
+        on_line = (a - np.floor(a) < self.width) | (b - np.floor(b) < self.width)
+        return np.where(on_line, self.line, self.ground)[..., np.newaxis]
+
+    def digest(self) -> str:
+        """A hash of the pattern, for provenance."""
+        return hashlib.sha256(repr(self).encode()).hexdigest()[:16]
+
+
+Wrap = Literal["clamp", "repeat"]
+
+
 @dataclass(frozen=True, eq=False)
 class Image:
     """A picture in linear light, interpolated bilinearly between the centres of its texels.
@@ -77,23 +138,30 @@ class Image:
     Parameters
     ----------
     texels
-        Weights >= 0, shape (rows, columns) or (rows, columns, 3), row 0 at the top. Linear: a
-        photograph must be decoded from sRGB first, as `load_image` does.
+        Weights >= 0, shape (rows, columns) or (rows, columns, channels), row 0 at the top. Linear:
+        a photograph must be decoded from sRGB first, as `load_image` does.
     name
         For messages and provenance.
+    wrap
+        What lies beyond 0 to 1: the border (``"clamp"``) or the picture again (``"repeat"``).
+    repeats, offset
+        The picture is looked up at `repeats` times (u, v) plus `offset`.
     """
 
     texels: np.ndarray
     name: str = "image"
+    wrap: Wrap = "clamp"
+    repeats: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         texels = check_array(f"image {self.name!r}", self.texels).astype(np.float32)
         if texels.ndim == 3 and texels.shape[2] == 1:
             texels = texels[..., 0]
-        if texels.ndim not in (2, 3) or texels.size == 0 or texels.shape[2:] not in ((), (3,)):
+        if texels.ndim not in (2, 3) or texels.size == 0:
             raise InvalidInputError(
-                f"image {self.name!r} must have shape (rows, columns) or (rows, columns, 3), "
-                f"got {texels.shape}"
+                f"image {self.name!r} must have shape (rows, columns) or (rows, columns, "
+                f"channels), got {texels.shape}"
             )
         if not np.all(np.isfinite(texels)) or np.any(texels < 0):
             raise InvalidInputError(
@@ -101,11 +169,20 @@ class Image:
                 "clip or repair it first"
             )
         object.__setattr__(self, "texels", texels)
+        check_choice(f"image {self.name!r}: wrap", self.wrap, ("clamp", "repeat"))
+        for name in ("repeats", "offset"):
+            pair = check_pair(f"image {self.name!r}: {name}", getattr(self, name))
+            object.__setattr__(self, name, pair)
 
     @property
     def channels(self) -> int:
-        """1 for a grey image, 3 for a coloured one."""
-        return 1 if self.texels.ndim == 2 else 3
+        """1 for a grey image, 3 for a coloured one, more for a spectral one."""
+        return 1 if self.texels.ndim == 2 else int(self.texels.shape[2])
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the picture fills the shape once."""
+        return self.repeats == (1.0, 1.0) and self.offset == (0.0, 0.0)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -125,11 +202,17 @@ class Image:
     def weights(self, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Weights at texture coordinates, shape (..., channels)."""
         rows, columns = self.shape
-        x = np.clip(np.asarray(u) * columns - 0.5, 0, columns - 1)
-        y = np.clip((1.0 - np.asarray(v)) * rows - 0.5, 0, rows - 1)
+        x = (np.asarray(u) * self.repeats[0] + self.offset[0]) * columns - 0.5
+        y = (1.0 - (np.asarray(v) * self.repeats[1] + self.offset[1])) * rows - 0.5
+        if self.wrap == "clamp":
+            x, y = np.clip(x, 0, columns - 1), np.clip(y, 0, rows - 1)
         left, top = np.floor(x).astype(int), np.floor(y).astype(int)
-        right, low = np.minimum(left + 1, columns - 1), np.minimum(top + 1, rows - 1)
+        right, low = left + 1, top + 1
         fx, fy = (x - left)[..., None], (y - top)[..., None]
+        if self.wrap == "clamp":
+            right, low = np.minimum(right, columns - 1), np.minimum(low, rows - 1)
+        else:
+            left, right, top, low = left % columns, right % columns, top % rows, low % rows
         t = self.texels.reshape(rows, columns, self.channels)
         upper = t[top, left] * (1 - fx) + t[top, right] * fx
         lower = t[low, left] * (1 - fx) + t[low, right] * fx
@@ -161,7 +244,7 @@ class Image:
             )
             factors = (block, block) + (1,) * (self.texels.ndim - 2)
             small = downscale_local_mean(stretched, factors)
-        return Image(np.maximum(small, 0.0), self.name)
+        return dataclasses.replace(self, texels=np.maximum(small, 0.0))
 
     def cropped(self, width_over_height: float) -> Image:
         """The middle of the image with a proportion, cut by whole texels.
@@ -180,10 +263,14 @@ class Image:
 
     def digest(self) -> str:
         """A hash of the texels, for provenance."""
-        return hashlib.sha256(np.ascontiguousarray(self.texels).tobytes()).hexdigest()[:16]
+        data = np.ascontiguousarray(self.texels).tobytes()
+        place = "" if self.is_plain else f"{self.wrap} {self.repeats} {self.offset}"
+        return hashlib.sha256(data + place.encode()).hexdigest()[:16]
 
 
-Texture = Checkerboard | Image
+Texture = Checkerboard | Grid | Image
+TEXTURES = (Checkerboard, Grid, Image)
+"""The kinds of texture."""
 
 
 def load_image(path: str | Path) -> Image:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.scene.bvh import closest_hits
-from isetcl.scene.mesh import Mesh
+from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Shape, Sphere
 from isetcl.scene.texture import Image
 
@@ -33,6 +33,8 @@ def intersect(shape: Shape, origins_m: np.ndarray, directions: np.ndarray) -> Hi
     """Hits of rays (..., 3) with a shape; directions are unit vectors, distances positive."""
     if isinstance(shape, Sphere):
         return _intersect_sphere(shape, origins_m, directions)
+    if isinstance(shape, Instance):
+        shape = shape.in_place
     if isinstance(shape, Mesh):
         return _intersect_mesh(shape, origins_m, directions)
     quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
@@ -123,6 +125,8 @@ def outline_points(shape: Shape, origin_m: np.ndarray, count: int) -> np.ndarray
 
     Of a mesh, `count` of its corners.
     """
+    if isinstance(shape, Instance):
+        shape = shape.in_place
     if isinstance(shape, Mesh):
         return shape.vertices_m[np.linspace(0, len(shape.vertices_m) - 1, count).astype(int)]
     if isinstance(shape, Sphere):
@@ -157,6 +161,8 @@ def _circle(centre: np.ndarray, normal: np.ndarray, radius: float, count: int) -
 def texels_across(shape: Shape, image: Image, nearest_m: float, angle_rad: float) -> float:
     """Texels of a shape's picture across a cone of rays of an angle, at a distance in metres."""
     rows, columns = image.shape
+    if isinstance(shape, Instance):
+        shape = shape.in_place
     if isinstance(shape, Mesh):
         texel_m = _texel_of_mesh(shape, rows * columns)
     elif isinstance(shape, Sphere):
