@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -105,7 +105,8 @@ def text_image(
     columns = max(4, round(box.width * scale + 2.0 * border))
     place = Affine2D().translate(-box.x0 - box.width / 2, -box.y0 - box.height / 2)
     place = place.scale(scale).translate(columns / 2.0, count / 2.0)
-    canvas = RendererAgg(columns, count, 72.0)
+    agg: Any = RendererAgg
+    canvas = agg(columns, count, 72.0)
     pen = canvas.new_gc()
     pen.set_linewidth(0.0)
     pen.set_snap(False)
