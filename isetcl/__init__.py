@@ -37,7 +37,9 @@ from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene import targets as scenes
 from isetcl.scene.complex_index import ComplexIndex
+from isetcl.scene.display import Display
 from isetcl.scene.light import DistantLight, Environment, PointLight, SpotLight
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Coated, Diffuse, Emission, Mix, TwoSided, UnlitReflectance
 from isetcl.scene.mesh import Instance, Mesh, load_mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
@@ -60,6 +62,7 @@ __all__ = [
     "Dielectric",
     "Diffuse",
     "Disc",
+    "Display",
     "DistantLight",
     "Emission",
     "Environment",
@@ -72,6 +75,7 @@ __all__ = [
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
+    "LightField",
     "Medium",
     "Mesh",
     "Mirror",

@@ -223,6 +223,15 @@ def test_materials_change_and_patterns_stay():
         scene.recoloured("lamp", red)
 
 
+def test_a_new_material_takes_the_place_of_all_light_from_the_old_one():
+    glowing = ic.SceneObject("glow", SPHERE, GREY, emission=ic.Emission(WHITE))
+    mirror = ic.Mirror(ic.Spectrum.constant(0.9))
+    (item,) = ic.Scene((glowing,)).with_material("glow", mirror).objects
+    assert (item.material, item.emission) == (mirror, None)
+    (item,) = ic.Scene((glowing,)).with_material("glow", ic.Emission(WHITE)).objects
+    assert item.emitted is item.material
+
+
 def test_things_come_and_go():
     scene = room()
     more = ic.SceneObject("more", SPHERE, GREY)
@@ -283,7 +292,11 @@ def test_the_surroundings_look_the_same_from_a_turned_eye():
     panorama = ic.Image(np.random.default_rng(0).uniform(size=(16, 32)))
     scene = ic.Scene((), ic.Environment(WHITE, panorama, TURN))
     seen = scene.seen_from((1, 2, 3), (0.4, 1.0, -2.0), up=(0.1, 1, 0)).background
-    to_eye = seen.rotation @ TURN.T
+    forward = np.array([0.4, 1.0, -2.0]) - [1, 2, 3]
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, [0.1, 1.0, 0.0])
+    right /= np.linalg.norm(right)
+    to_eye = np.array([right, np.cross(right, forward), -forward])
     directions = np.random.default_rng(1).normal(size=(50, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     before = scene.background.coordinates(directions)

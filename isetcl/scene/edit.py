@@ -24,6 +24,7 @@ from isetcl.scene.affine import (
     vector,
 )
 from isetcl.scene.light import LIGHTS, Environment, Light
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Coated, Diffuse, Material, UnlitReflectance
 from isetcl.scene.model import Scene, SceneObject, Vector
 from isetcl.scene.specular import Mirror
@@ -187,7 +188,7 @@ def moved_object(item: SceneObject, matrix: np.ndarray) -> SceneObject:
 
 def _has_texture(part: object) -> bool:
     """Whether a texture is anywhere in a material."""
-    if isinstance(part, TEXTURES):
+    if isinstance(part, (*TEXTURES, LightField)):
         return True
     if not dataclasses.is_dataclass(part) or isinstance(part, Spectrum):
         return False
