@@ -12,7 +12,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array
 
-_MAX_ROUNDS = 60
+_SHORTEST_EDGE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,11 @@ def triangulate(loops: list[np.ndarray], name: str = "outline") -> Triangulation
     from scipy.spatial import Delaunay
 
     points, edges = _joined(loops, name)
-    for _ in range(_MAX_ROUNDS):
+    shortest = _SHORTEST_EDGE * float(np.ptp(points, axis=0).max())
+    # Where edges cross, halves of them are missing however short they become.
+    while np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1).min() > shortest:
+        if len(np.unique(points, axis=0)) != len(points):
+            break
         mesh = Delaunay(points)
         missing = ~_is_among(edges, mesh.simplices, len(points))
         if not missing.any():
