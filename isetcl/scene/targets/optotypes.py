@@ -31,7 +31,12 @@ def _ring() -> list[np.ndarray]:
 def _landolt() -> list[np.ndarray]:
     outer, inner = (float(np.degrees(np.arcsin(0.5 / radius))) for radius in (2.5, 1.5))
     return [
-        _loop(_arc(2.5, 2.5, 2.5, outer, 360.0 - outer), _arc(2.5, 2.5, 1.5, 360.0 - inner, inner))
+        _loop(
+            _arc(2.5, 2.5, 2.5, outer, 90.0),
+            _arc(2.5, 2.5, 2.5, 90.0, 270.0),
+            _arc(2.5, 2.5, 2.5, 270.0, 360.0 - outer),
+            _arc(2.5, 2.5, 1.5, 360.0 - inner, inner),
+        )
     ]
 
 
