@@ -47,9 +47,10 @@ from isetcl.scene.colour import (
 )
 from isetcl.scene.complex_index import ComplexIndex
 from isetcl.scene.cube import SpectralCube, load_cube
-from isetcl.scene.display import display_primaries
+from isetcl.scene.display import Display, display_primaries
 from isetcl.scene.glass import glass
 from isetcl.scene.light import DistantLight, Environment, PointLight, SpotLight
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Coated, Diffuse, Emission, Mix, TwoSided, UnlitReflectance
 from isetcl.scene.mesh import Instance, Mesh, load_mesh
 from isetcl.scene.mesh_files import load_mesh_scene
@@ -73,6 +74,7 @@ __all__ = [
     "Dielectric",
     "Diffuse",
     "Disc",
+    "Display",
     "DistantLight",
     "Emission",
     "Environment",
@@ -85,6 +87,7 @@ __all__ = [
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
+    "LightField",
     "Medium",
     "Mesh",
     "Mirror",

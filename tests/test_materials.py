@@ -292,9 +292,7 @@ def test_lossless_bodies_cannot_be_seen_under_an_even_sky(name):
 BOX = {
     "matt": ic.Diffuse(ic.Spectrum.constant(0.6)),
     "mirror": ic.Mirror(ic.Spectrum.constant(0.6)),
-    "mix": ic.Mix(
-        ic.Mirror(ic.Spectrum.constant(0.6)), ic.Diffuse(ic.Spectrum.constant(0.6)), 0.4
-    ),
+    "mix": ic.Mix(ic.Mirror(ic.Spectrum.constant(0.6)), ic.Diffuse(ic.Spectrum.constant(0.6)), 0.4),
 }
 
 

@@ -55,7 +55,6 @@ kernel void probe_sobol(global const real *x, const int n, global real *out, con
     store_lanes(sobol_coordinate((uint)i, dimension, stream), out + (size_t)i * n, g);
 }
 
-#if WIDTH == 1
 /* The eight numbers of a bounce for samples 0 ... n - 1 of a stream. */
 kernel void probe_bounce(global const real *x, const int n, global real *out, const int bits,
                          const int bounce) {
