@@ -38,6 +38,7 @@ from isetcl.retina.image import RetinalImage
 from isetcl.scene import targets as scenes
 from isetcl.scene.complex_index import ComplexIndex
 from isetcl.scene.light import DistantLight, Environment, PointLight, SpotLight
+from isetcl.scene.load import load_scene
 from isetcl.scene.material import Coated, Diffuse, Emission, Mix, TwoSided, UnlitReflectance
 from isetcl.scene.mesh import Instance, Mesh, load_mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
@@ -99,6 +100,7 @@ __all__ = [
     "eyes",
     "load_image",
     "load_mesh",
+    "load_scene",
     "plan",
     "psf_baseline",
     "render",

@@ -208,7 +208,7 @@ class _Parser:
         while len(numbers) < count:
             token = self._next(directive.place, wanted)
             if token.kind == "number":
-                numbers.append(float(token.value))  # type: ignore[arg-type]
+                numbers.append(float(token.value))
             elif token.kind == "numbers":
                 numbers.extend(np.asarray(token.value)[: count + 1].tolist())
             else:
@@ -222,9 +222,9 @@ class _Parser:
         strings: list[str] = []
         while len(strings) < count:
             ahead = self._peek()
-            if directive.value == "MediumInterface" and strings:
-                if ahead is None or ahead.kind != "string":
-                    break
+            is_over = ahead is None or ahead.kind != "string"
+            if directive.value == "MediumInterface" and strings and is_over:
+                break
             token = self._next(directive.place, wanted)
             is_word = token.kind == "word" and directive.value == "ActiveTransform"
             if token.kind != "string" and not is_word:
@@ -253,15 +253,13 @@ class _Parser:
         if len(words) != 2:
             raise wrong(
                 token.place,
-                f"a parameter must be declared as \"type name\", got {token.shown()}",
+                f'a parameter must be declared as "type name", got {token.shown()}',
             )
         kind = _SAME_TYPE.get(words[0], words[0])
         if words[0] not in TYPES:
             close = difflib.get_close_matches(words[0], TYPES, n=2)
             hint = f"; did you mean {' or '.join(close)}?" if close else ""
-            raise wrong(
-                token.place, f"unknown type {words[0]!r} of parameter {words[1]!r}{hint}"
-            )
+            raise wrong(token.place, f"unknown type {words[0]!r} of parameter {words[1]!r}{hint}")
         values = self._values(token, words[1])
         return Parameter(kind, words[1], _checked(kind, words[1], values, token.place), token.place)
 
@@ -272,9 +270,7 @@ class _Parser:
         if first.kind == "word" and first.value in ("true", "false"):
             return [first]
         if first.kind != "open":
-            raise wrong(
-                first.place, f"parameter {name!r} must have a value, got {first.shown()}"
-            )
+            raise wrong(first.place, f"parameter {name!r} must have a value, got {first.shown()}")
         values: list[Token] = []
         while True:
             token = self._next(first.place, f"the ] of parameter {name!r}")

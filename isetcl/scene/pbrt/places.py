@@ -24,7 +24,6 @@ class Place:
         return f"{self.file}, line {self.line}, column {self.column}"
 
 
-
 def wrong(place: Place, message: str) -> FileError:
     """The error for what is wrong at a place."""
     return _mark(FileError(f"{place}: {message}"))

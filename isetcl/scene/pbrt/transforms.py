@@ -21,8 +21,9 @@ def scaling(x: float, y: float, z: float) -> np.ndarray:
     return np.diag([x, y, z, 1.0])
 
 
-def rotation(degrees: float, x: float, y: float, z: float, place: Place) -> np.ndarray:
-    """A turn about an axis (Rodrigues' formula), counter-clockwise seen against the axis."""
+def rotation(numbers: tuple[float, ...], place: Place) -> np.ndarray:
+    """A turn by degrees about an axis (Rodrigues' formula), counter-clockwise seen against the axis."""
+    degrees, x, y, z = numbers
     axis = np.array([x, y, z])
     length = float(np.linalg.norm(axis))
     if not 0 < length < math.inf:
