@@ -254,6 +254,7 @@ class LightReader:
             self._notes.add(LEFT_OUT, f"area light {kind!r}", parameters.place)
             return None
         with located(parameters.place):
+            parameters.is_needed = True
             key = id(parameters)
             if "power" in parameters or key not in self._emissions:
                 self._emissions[key] = self._emission(parameters, area)

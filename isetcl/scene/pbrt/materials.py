@@ -101,6 +101,7 @@ class MaterialReader:
 
     def make(self, kind: str, parameters: Parameters) -> Surface:
         """The material of a kind; the same directive gives the same object."""
+        parameters.is_needed = True
         key = id(parameters)
         if key not in self._made:
             self._made[key] = self._make(kind, parameters)

@@ -19,6 +19,7 @@ class Parameters:
         self._own = directive.parameters
         self._all = {**(defaults or {}), **directive.parameters}
         self._used: set[str] = set()
+        self.is_needed = True
 
     def __contains__(self, name: str) -> bool:
         return name in self._all
@@ -102,7 +103,12 @@ class Parameters:
         self._used.update(names)
 
     def unused(self) -> list[Parameter]:
-        """Parameters of the directive itself that nobody asked for."""
+        """Parameters of the directive itself that nobody asked for.
+
+        None where nothing needed the directive, such as a material that no shape has.
+        """
+        if not self.is_needed:
+            return []
         return [p for name, p in self._own.items() if name not in self._used]
 
 

@@ -57,7 +57,7 @@ _PARAMETERS = {
     "LightSource": 1,
     "Shape": 1,
     "Attribute": 1,
-    "Option": 0,
+    "Option": 1,
 }
 _BARE = (
     "AttributeBegin",
@@ -197,10 +197,18 @@ class _Parser:
             return Directive(name, token.place, numbers=self._plain_numbers(token, _NUMBERS[name]))
         if name in _STRINGS:
             return Directive(name, token.place, strings=self._strings(token, _STRINGS[name]))
+        if name == "Option":
+            return self._option(token)
         if name in _PARAMETERS:
             strings = self._strings(token, _PARAMETERS[name])
             return Directive(name, token.place, strings, parameters=self._parameters(name))
         return Directive(name, token.place)
+
+    def _option(self, directive: Token) -> Directive:
+        """Version 4's options of the renderer: a name and a value, which say nothing of a scene."""
+        strings = self._strings(directive, 1)
+        self._values(directive, strings[0])
+        return Directive("Option", directive.place, strings)
 
     def _plain_numbers(self, directive: Token, count: int) -> tuple[float, ...]:
         wanted = f"{directive.value} takes {count} numbers"

@@ -140,18 +140,31 @@ def surface(pattern: Pattern, make: Make, notes: Notes, *, textured: bool = True
     if checkers:
         return _checked(pattern, checkers[0], make, notes, textured)
     if pattern.is_constant:
-        return make(_sum(terms), None)
+        return make(_limited((_sum(terms),), 1.0, notes, pattern.place)[0], None)
     channels = _channels(terms, notes, pattern.place)
     if not textured:
         notes.add("images on mirrors, replaced by their mean", "mean", pattern.place)
         means = tuple(Term(_product(value, image.mean)) for value, image in channels)
-        return make(_sum(means), None)
+        return make(_limited((_sum(means),), 1.0, notes, pattern.place)[0], None)
     spectra = tuple(_spectral(value) for value, _ in channels)
     first = channels[0][1]
     if len(channels) == 1:
-        return make(spectra[0], first)
+        return make(_limited(spectra, first.largest, notes, pattern.place)[0], first)
     texels = np.stack([image.texels for _, image in channels], axis=-1)
+    spectra = _limited(spectra, float(texels.max()), notes, pattern.place)
     return make(spectra, dataclasses.replace(first, texels=texels))
+
+
+def _limited(
+    spectra: tuple[Spectrum, ...], largest: float, notes: Notes, place: Place
+) -> tuple[Spectrum, ...]:
+    """Reflectances scaled down where, times the largest weight, they exceed 1."""
+    grid = common_grid(spectra)
+    peak = largest * float(np.max(np.asarray(sum(s.at(grid) for s in spectra))))
+    if peak <= 1.0 + 1e-5:
+        return spectra
+    notes.add("reflectances above 1, scaled down", f"by {peak:.3g}", place)
+    return tuple(s.scaled(1.0 / peak) for s in spectra)
 
 
 def _checked(
@@ -160,14 +173,19 @@ def _checked(
     """A checkerboard: as a texture where one spectrum is enough, else two materials in turn."""
     terms = pattern.terms
     if textured and len(terms) == 1 and len(terms[0].factors) == 1:
-        return make(_spectral(terms[0].value), terms[0].factors[0])
+        only = _spectral(terms[0].value)
+        return make(
+            _limited((only,), terms[0].factors[0].largest, notes, pattern.place)[0],
+            terms[0].factors[0],
+        )
     bright, dark = (
         Pattern(_resolved(terms, periods, side), pattern.place) for side in (True, False)
     )
     if textured and bright.is_constant and dark.is_constant:
         one = _proportional(_sum(bright.terms), _sum(dark.terms))
         if one is not None:
-            return make(one[0], Checkerboard(*periods, one[1], one[2]))
+            limited = _limited((one[0],), 1.0, notes, pattern.place)[0]
+            return make(limited, Checkerboard(*periods, one[1], one[2]))
     return Mix(
         surface(dark, make, notes, textured=textured),
         surface(bright, make, notes, textured=textured),

@@ -255,6 +255,8 @@ class _Reader:
 
     def _parameters(self, directive: Directive, target: str = "") -> Parameters:
         parameters = Parameters(directive, self._state.defaults.get(target))
+        # Materials and lights of shapes are made when a shape has them.
+        parameters.is_needed = target != "material" and directive.name != "AreaLightSource"
         self._read.append(parameters)
         return parameters
 
@@ -473,6 +475,9 @@ class _Reader:
             sides=has_sides(material) or one_sided,
         )
         shape = self._placed(part, instance, needs, where)
+        if isinstance(part.geometry, Round) and isinstance(shape, (Mesh, Instance)):
+            what = f"{part.geometry.kind}, stretched, textured or turned inside out"
+            self._notes.add("curved shapes made of triangles", what, part.place)
         emission = None
         if part.light is not None:
             emission = self._lights.emission(part.light[1], part.light[0], area_m2(shape))

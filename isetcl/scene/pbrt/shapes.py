@@ -363,12 +363,14 @@ def read_ply(path: Path) -> Triangles:
     try:
         loaded = ply.load_ply(io.BytesIO(data), fix_texture=False, skip_materials=True)
         raw = loaded["metadata"]["_ply_raw"]["vertex"]["data"]
-        vertices = np.stack([np.asarray(raw[k], dtype=np.float64) for k in "xyz"], axis=1)
+        vertices = _columns(raw, ("x", "y", "z"))
         faces = _triangulated(loaded["faces"])
         normals = _columns(raw, ("nx", "ny", "nz"))
         uv = None
         for names in (("u", "v"), ("s", "t"), ("texture_u", "texture_v")):
             uv = _columns(raw, names) if uv is None else uv
+        if vertices is None:
+            raise InvalidInputError("vertices must have finite x, y and z")
         return Triangles(vertices, faces, normals, uv)
     except InvalidInputError as error:
         raise FileError(f"mesh file {str(path)!r}: {error}") from error
@@ -411,5 +413,7 @@ def _columns(raw: np.ndarray, names: tuple[str, ...]) -> np.ndarray | None:
     known = raw.dtype.names if isinstance(raw, np.ndarray) else raw.keys()
     if not all(name in (known or ()) for name in names):
         return None
-    values = np.stack([np.asarray(raw[name], dtype=np.float64) for name in names], axis=1)
+    values = np.stack(
+        [np.asarray(raw[name], dtype=np.float64).reshape(-1) for name in names], axis=1
+    )
     return values if np.isfinite(values).all() else None

@@ -102,7 +102,11 @@ class TextureReader:
         return pattern
 
     def _constant(self, parameters: Parameters, grey: bool) -> Pattern:
-        return self._either(parameters, "value", 1.0, grey)
+        parameter = None if grey else parameters.get("value", "texture", *SPECTRAL, "float")
+        if parameter is None or parameter.type == "texture":
+            return self._either(parameters, "value", 1.0, grey)
+        # May exceed 1: what it is scaled by later brings it down.
+        return constant(self._spectra.unbounded(parameter), parameter.place)
 
     def _scale(self, parameters: Parameters, grey: bool) -> Pattern:
         """Version 4: "tex" times "scale"; version 3: "tex1" times "tex2"."""

@@ -22,7 +22,7 @@ def scaling(x: float, y: float, z: float) -> np.ndarray:
 
 
 def rotation(numbers: tuple[float, ...], place: Place) -> np.ndarray:
-    """A turn by degrees about an axis (Rodrigues' formula), counter-clockwise seen against the axis."""
+    """A turn about an axis: degrees, then the axis (Rodrigues' formula)."""
     degrees, x, y, z = numbers
     axis = np.array([x, y, z])
     length = float(np.linalg.norm(axis))

@@ -112,7 +112,7 @@ class MaterialWriter:
     def level(self, name: str, value: Level) -> str:
         """A float parameter, or a float texture."""
         if not isinstance(value, TEXTURES):
-            return number(name, value)  # type: ignore[arg-type]
+            return number(name, value)
         return texture(name, self.grey(value))
 
     def grey(self, pattern: Texture) -> str:

@@ -126,23 +126,11 @@ class _Writer:
         self, spectra: tuple[Spectrum, ...], weights: np.ndarray
     ) -> tuple[float, np.ndarray]:
         """Weights of spectra as linear sRGB under a white of some cd/m^2, float32."""
-        primaries = display_primaries(1.0)
-        scale = spectra[0].values[_peak(spectra[0])] / max(
-            primaries[0].at(spectra[0].wavelengths_nm[[_peak(spectra[0])]])[0]
-            if primaries[0].wavelengths_nm[0]
-            <= spectra[0].wavelengths_nm[_peak(spectra[0])]
-            <= primaries[0].wavelengths_nm[-1]
-            else 1.0,
-            1e-300,
-        )
-        same = len(spectra) == 3 and all(
-            np.array_equal(a.wavelengths_nm, b.wavelengths_nm)
-            and np.allclose(a.values, scale * b.values, rtol=1e-9, atol=0)
-            for a, b in zip(spectra, primaries, strict=True)
-        )
-        if same:
-            white = sum(s.luminance_cd_m2() for s in spectra)
-            return float(white), np.asarray(weights, dtype=np.float32)
+        white = float(spectra[0].values.max() / display_primaries(1.0)[0].values.max())
+        if white > 0 and len(spectra) == 3:
+            pairs = list(zip(spectra, display_primaries(white), strict=True))
+            if all(_is_close(a, b) for a, b in pairs):
+                return white, np.asarray(weights, dtype=np.float32)
         self._notes.add(
             "luminous pictures written in sRGB, whose spectra PBRT makes anew", spectra[0].name
         )
@@ -188,7 +176,7 @@ class _Writer:
             if isinstance(opacity, TEXTURES):
                 self._notes.add("cut-outs of luminous checkerboards left out", item.name)
                 opacity = 1.0
-            self._halves(item, emission, pattern, float(opacity))  # type: ignore[arg-type]
+            self._halves(item, emission, pattern, float(opacity))
             return
         self._part(item, emission, opacity)
 
@@ -288,8 +276,9 @@ class _Writer:
         return self._meshes[key]
 
 
-def _peak(of: Spectrum) -> int:
-    return int(np.argmax(of.values))
+def _is_close(a: Spectrum, b: Spectrum) -> bool:
+    same_grid = np.array_equal(a.wavelengths_nm, b.wavelengths_nm)
+    return same_grid and np.allclose(a.values, b.values, rtol=1e-9, atol=0)
 
 
 def _linear_rgb(of: Spectrum) -> np.ndarray:
