@@ -8,6 +8,7 @@ Needs atheris, which is not a dependency. Run it, for as long as you like, with
 where CORPUS is an empty folder that keeps what the fuzzer finds.
 """
 
+import contextlib
 import os
 import sys
 import tempfile
@@ -18,7 +19,7 @@ import atheris
 
 with atheris.instrument_imports(include=["isetcl.scene.pbrt"]):
     from isetcl.errors import IsetclError
-    from isetcl.scene.load import load_scene
+    from isetcl.scene.pbrt.reader import read_scene
 
 SCENES = Path(__file__).resolve().parent.parent / "scenes"
 FOLDER = Path(tempfile.mkdtemp())
@@ -32,10 +33,8 @@ def one(data):
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)
         warnings.simplefilter("ignore", UserWarning)
-        try:
-            load_scene(path, allow_outside=True)
-        except IsetclError:
-            pass
+        with contextlib.suppress(IsetclError):
+            read_scene(path, allow_outside=True)
 
 
 if __name__ == "__main__":

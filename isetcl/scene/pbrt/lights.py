@@ -208,7 +208,7 @@ class LightReader:
             turned = u @ vt
         else:
             turned = linear / scale
-        image = Image(texels, parameters.text(name), "repeat")
+        image = Image(texels, parameters.text(name))
         spectra = tuple(p.scaled(float(f)) for p, f in zip(primaries, factor, strict=True))
         return Environment(spectra, image, turned @ SPHERE_AXES.T)
 

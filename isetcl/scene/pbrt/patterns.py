@@ -151,6 +151,11 @@ def surface(pattern: Pattern, make: Make, notes: Notes, *, textured: bool = True
     if len(channels) == 1:
         return make(_limited(spectra, first.largest, notes, pattern.place)[0], first)
     texels = np.stack([image.texels for _, image in channels], axis=-1)
+    if _peak(spectra, float(texels.max())) > 1.0:
+        # Materials bound a reflectance by the largest weight of any channel: make all alike.
+        most = [max(float(image.texels.max()), 1e-30) for _, image in channels]
+        texels = texels / np.array(most, dtype=np.float32)
+        spectra = tuple(s.scaled(m) for s, m in zip(spectra, most, strict=True))
     spectra = _limited(spectra, float(texels.max()), notes, pattern.place)
     return make(spectra, dataclasses.replace(first, texels=texels))
 
@@ -159,12 +164,17 @@ def _limited(
     spectra: tuple[Spectrum, ...], largest: float, notes: Notes, place: Place
 ) -> tuple[Spectrum, ...]:
     """Reflectances scaled down where, times the largest weight, they exceed 1."""
-    grid = common_grid(spectra)
-    peak = largest * float(np.max(np.asarray(sum(s.at(grid) for s in spectra))))
+    peak = _peak(spectra, largest)
     if peak <= 1.0 + 1e-5:
         return spectra
     notes.add("reflectances above 1, scaled down", f"by {peak:.3g}", place)
     return tuple(s.scaled(1.0 / peak) for s in spectra)
+
+
+def _peak(spectra: tuple[Spectrum, ...], largest: float) -> float:
+    """The largest sum of spectra times a weight."""
+    grid = common_grid(spectra)
+    return largest * float(np.max(np.asarray(sum(s.at(grid) for s in spectra))))
 
 
 def _checked(

@@ -93,7 +93,9 @@ def read_scene(path: Path, *, allow_outside: bool = False) -> Scene:
         _look_for_files(directives, files)
         files.check()
         notes = Notes(path.name)
-        scene = _Reader(files, notes, version_of(directives), path.stem).run(directives)
+        # Numbers that overflow become infinite, which whatever takes them refuses.
+        with np.errstate(all="ignore"):
+            scene = _Reader(files, notes, version_of(directives), path.stem).run(directives)
     except MemoryError as error:
         if isinstance(error, OutOfMemoryError):
             raise

@@ -44,10 +44,9 @@ def look_at(numbers: tuple[float, ...], place: Place) -> np.ndarray:
     upward = _unit(up, place, "the up vector must not be zero")
     right = _unit(np.cross(upward, forward), place, "the up vector must not lie along the gaze")
     camera = np.eye(4)
-    camera[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-    linear = camera[:3, :3].T
-    camera[:3, :3] = linear
-    camera[:3, 3] = -linear @ eye
+    axes = np.stack([right, np.cross(forward, right), forward])
+    camera[:3, :3] = axes
+    camera[:3, 3] = -axes @ eye
     return camera
 
 
