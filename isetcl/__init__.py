@@ -51,6 +51,7 @@ from isetcl.scene.display import Display, display_primaries
 from isetcl.scene.glass import glass
 from isetcl.scene.light import DistantLight, Environment, PointLight, SpotLight
 from isetcl.scene.light_field import LightField
+from isetcl.scene.load import load_scene
 from isetcl.scene.material import Coated, Diffuse, Emission, Mix, TwoSided, UnlitReflectance
 from isetcl.scene.mesh import Instance, Mesh, load_mesh
 from isetcl.scene.mesh_files import load_mesh_scene
@@ -122,6 +123,7 @@ __all__ = [
     "load_image",
     "load_mesh",
     "load_mesh_scene",
+    "load_scene",
     "load_spd",
     "plan",
     "psf_baseline",
