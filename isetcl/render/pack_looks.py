@@ -7,8 +7,10 @@ from enum import IntEnum
 import numpy as np
 
 from isetcl.device.layout import Member, Precision, Struct, real_dtype
+from isetcl.errors import InvalidInputError
 from isetcl.eye.media import Medium
 from isetcl.retina.bands import Band
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Coated, Diffuse, Material, Mix, TwoSided
 from isetcl.scene.specular import Conductor, Dielectric, Level, Mirror
 from isetcl.scene.texture import TEXTURES, Checkerboard, Grid, Image, Texture
@@ -140,10 +142,14 @@ class Looks:
             return 0.0, self.texture(level)
         return float(level), -1
 
-    def texture(self, texture: Texture | None) -> int:
+    def texture(self, texture: Texture | LightField | None) -> int:
         """The number of a texture; -1 for none."""
         if texture is None:
             return -1
+        if isinstance(texture, LightField):
+            raise InvalidInputError(
+                f"light field {texture.name!r} cannot be rendered by this version; use an Image"
+            )
         key = texture.digest()
         if key not in self._texture_of:
             self._texture_of[key] = len(self.textures)
