@@ -190,6 +190,76 @@ _ISET3D_F_NM, _ISET3D_D_NM, _ISET3D_C_NM = 486.1, 589.3, 656.3
 
 
 @dataclass(frozen=True)
+class SellmeierDispersion:
+    """Dispersion of glasses and clear liquids by Sellmeier's formula.
+
+    n^2 = 1 + sum of b_i l^2 / (l^2 - c_i), l in um.
+
+    Parameters
+    ----------
+    b
+        Strengths of the resonances.
+    c_um2
+        Squared wavelengths of the resonances, um^2, as many.
+    low_nm, high_nm
+        Shortest and longest wavelength of the formula, nm.
+
+    Raises
+    ------
+    InvalidInputError
+        If the lists differ in length, or there is a resonance, or no index >= 1, in the range.
+
+    Source: the three-term form is that of glass catalogues (Schott, TIE-29).
+    """
+
+    b: tuple[float, ...]
+    c_um2: tuple[float, ...]
+    low_nm: float = 360.0
+    high_nm: float = 1100.0
+
+    def __post_init__(self) -> None:
+        for name in ("b", "c_um2"):
+            values = check_array(f"sellmeier: {name}", getattr(self, name))
+            if values.ndim != 1 or values.size == 0 or not np.all(np.isfinite(values)):
+                raise InvalidInputError(
+                    f"sellmeier: {name} must be a list of finite numbers, got {values.tolist()}"
+                )
+            object.__setattr__(self, name, tuple(values.tolist()))
+        if len(self.b) != len(self.c_um2):
+            raise InvalidInputError(
+                f"sellmeier: b and c_um2 must be of one length, got {len(self.b)} and "
+                f"{len(self.c_um2)}"
+            )
+        low = check_positive("sellmeier: low_nm", self.low_nm, "nm")
+        high = check_positive("sellmeier: high_nm", self.high_nm, "nm")
+        if not low < high:
+            raise InvalidInputError(
+                f"sellmeier: low_nm must be < high_nm, got {low:g} and {high:g} nm"
+            )
+        inside = [c for c in self.c_um2 if (low / 1000.0) ** 2 <= c <= (high / 1000.0) ** 2]
+        if inside or not np.all(self._squared(np.linspace(low, high, 1001)) >= 1.0):
+            what = f"a resonance at {1e3 * inside[0] ** 0.5:g} nm" if inside else "an index below 1"
+            raise InvalidInputError(
+                f"sellmeier: the index must be >= 1 between {low:g} and {high:g} nm, got {what}; "
+                "narrow the range, and check that c_um2 are squares in um^2"
+            )
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """Where the formula holds, nm."""
+        return (self.low_nm, self.high_nm)
+
+    def evaluate(self, wavelength_nm: np.ndarray) -> np.ndarray:
+        """Refractive index, shape of the input."""
+        return np.sqrt(self._squared(wavelength_nm))
+
+    def _squared(self, wavelength_nm: np.ndarray) -> np.ndarray:
+        squared = (np.asarray(wavelength_nm, dtype=np.float64) / 1000.0) ** 2
+        terms = (b * squared / (squared - c) for b, c in zip(self.b, self.c_um2, strict=True))
+        return np.asarray(1.0 + sum(terms))
+
+
+@dataclass(frozen=True)
 class Medium:
     """A homogeneous ocular medium: a name and a dispersion."""
 

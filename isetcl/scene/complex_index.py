@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import dataclass
+from importlib import resources
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_array
+from isetcl.errors import InvalidInputError, check_array, check_choice, check_type
 from isetcl.spectrum import check_wavelengths
 
 
@@ -36,6 +38,7 @@ class ComplexIndex:
     name: str = "metal"
 
     def __post_init__(self) -> None:
+        check_type("index: name", self.name, str)
         grid = check_wavelengths(self.wavelengths_nm)
         object.__setattr__(self, "wavelengths_nm", grid)
         for part in ("n", "k"):
@@ -48,6 +51,27 @@ class ComplexIndex:
                     f"{grid.shape}, got {values[bad][0] if bad.any() else values.shape}"
                 )
             object.__setattr__(self, part, values)
+
+    @classmethod
+    def named(cls, name: str) -> ComplexIndex:
+        """A metal by name or chemical symbol, at room temperature, from 360 to 850 nm at least.
+
+        "silver" (Ag), "gold" (Au), "copper" (Cu), "aluminium" (Al), "chromium" (Cr), "nickel"
+        (Ni), "titanium" (Ti), "iron" (Fe) and "tungsten" (W); capitals do not matter.
+
+        Source: measured tables of Johnson & Christy 1972, 1974 (Phys Rev B 6:4370, 9:5056), Rakic
+        1995 (Appl Opt 34:4755, aluminium) and Weaver, Olson & Lynch 1975 (Phys Rev B 12:1293,
+        tungsten).
+
+        Raises
+        ------
+        InvalidInputError
+            If the name is unknown; the message lists near matches.
+        """
+        known = _metals()
+        folded = name.strip().lower() if isinstance(name, str) else name
+        folded = _ALIASES.get(folded, folded) if isinstance(folded, str) else folded
+        return known[check_choice("metal", folded, list(known))]
 
     def at(self, wavelengths_nm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """n and k at other wavelengths, linearly interpolated.
@@ -73,3 +97,34 @@ class ComplexIndex:
         """A hash of the samples, for provenance."""
         data = self.wavelengths_nm.tobytes() + self.n.tobytes() + self.k.tobytes()
         return hashlib.sha256(data).hexdigest()[:16]
+
+
+_ALIASES = {
+    "ag": "silver",
+    "al": "aluminium",
+    "aluminum": "aluminium",
+    "au": "gold",
+    "chrome": "chromium",
+    "cr": "chromium",
+    "cu": "copper",
+    "fe": "iron",
+    "ni": "nickel",
+    "ti": "titanium",
+    "w": "tungsten",
+}
+
+
+@functools.cache
+def _metals() -> dict[str, ComplexIndex]:
+    """The metals of the data file, by name."""
+    rows: dict[str, list[tuple[float, float, float]]] = {}
+    with resources.files("isetcl.data").joinpath("metals.csv").open() as lines:
+        for line in lines:
+            if not line.startswith("#"):
+                metal, *numbers = line.split(",")
+                wavelength, n, k = (float(number) for number in numbers)
+                rows.setdefault(metal, []).append((wavelength, n, k))
+    tables = {metal: np.array(values).T for metal, values in rows.items()}
+    return {
+        metal: ComplexIndex(table[0], table[1], table[2], metal) for metal, table in tables.items()
+    }

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -207,6 +208,21 @@ class Scene:
         for i, light in enumerate(self.lights):
             check_type(f"scene: lights[{i}]", light, LIGHTS)
         object.__setattr__(self, "_digest", self._hash())
+
+    def save(self, path: str | Path) -> None:
+        """Write the scene as PBRT 4 text (.pbrt), which `load_scene` reads back.
+
+        Meshes (PLY) and pictures (PFM) go beside it. What PBRT has no words for is listed in
+        warnings, one a kind.
+
+        Raises
+        ------
+        FileError
+            If a file cannot be written, or the name does not end in .pbrt.
+        """
+        from isetcl.scene.pbrt.writer import write_scene
+
+        write_scene(self, path)
 
     @property
     def has_reflection(self) -> bool:

@@ -29,7 +29,7 @@ INLINE void coated_eval(const closurev *c, const vec3v *wo, const vec3v *wi, col
   coated_below(c, fresnel, wi, value);
   if (c->is_polished) return;
   vec3v h;
-  half_vector(wo, wi, &h);
+  middle_vector(wo, wi, &h);
   realv o = smaller(dot3(wo->x, wo->y, wo->z, h.x, h.y, h.z), (realv)1);
   realv gloss = dielectric_fresnel(o, c->index, &refracted) * ggx_reflection(wo, wi, &h, c->alpha);
   for (int k = 0; k < 4; ++k) value->w[k] += gloss;
@@ -42,7 +42,7 @@ INLINE realv coated_pdf(const closurev *c, const vec3v *wo, const vec3v *wi) {
   realv pdf = (1 - share) * larger(wi->z, (realv)0) * R(0.31830988618379067154);
   if (c->is_polished) return pdf;
   vec3v h;
-  half_vector(wo, wi, &h);
+  middle_vector(wo, wi, &h);
   return mul_add(share, ggx_reflection_pdf(wo, wi, &h, c->alpha), pdf);
 }
 

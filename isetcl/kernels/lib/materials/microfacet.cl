@@ -49,8 +49,8 @@ INLINE void ggx_sample(const vec3v *wo, realv alpha, realv u, realv v, vec3v *h)
   h->x = x * inverse, h->y = y * inverse, h->z = z * inverse;
 }
 
-/* half_vector - the microfacet that mirrors wi to wo. */
-INLINE void half_vector(const vec3v *wo, const vec3v *wi, vec3v *h) {
+/* middle_vector - the microfacet that mirrors wi to wo. */
+INLINE void middle_vector(const vec3v *wo, const vec3v *wi, vec3v *h) {
   realv x = wo->x + wi->x, y = wo->y + wi->y, z = wo->z + wi->z;
   realv length2 = dot3(x, y, z, x, y, z);
   realv inverse = 1 / square_root(larger(length2, (realv)R(1e-30)));

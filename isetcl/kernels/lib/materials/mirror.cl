@@ -35,7 +35,7 @@ INLINE void mirror_reflectance(const closurev *c, realv cosine, colourv *value) 
 
 INLINE void mirror_eval(const closurev *c, const vec3v *wo, const vec3v *wi, colourv *value) {
   vec3v h;
-  half_vector(wo, wi, &h);
+  middle_vector(wo, wi, &h);
   mirror_reflectance(c, smaller(dot3(wo->x, wo->y, wo->z, h.x, h.y, h.z), (realv)1), value);
   realv scale = c->is_polished ? (realv)0 : ggx_reflection(wo, wi, &h, c->alpha);
   for (int k = 0; k < 4; ++k) value->w[k] *= scale;
@@ -44,7 +44,7 @@ INLINE void mirror_eval(const closurev *c, const vec3v *wo, const vec3v *wi, col
 INLINE realv mirror_pdf(const closurev *c, const vec3v *wo, const vec3v *wi) {
   if (c->is_polished) return (realv)0;
   vec3v h;
-  half_vector(wo, wi, &h);
+  middle_vector(wo, wi, &h);
   return ggx_reflection_pdf(wo, wi, &h, c->alpha);
 }
 
