@@ -284,6 +284,17 @@ def test_a_coloured_light_field_is_emitted_by_a_surface():
         ic.Diffuse(ic.Spectrum.constant(0.5), field)
 
 
+def test_what_cannot_show_a_light_field_says_so():
+    field = ic.LightField(np.ones((2, 2, 2, 2)), (30.0, 30.0))
+    glow = ic.Emission(ic.Spectrum.equal_energy(), field)
+    quad = ic.Quad((-1, -1, -1), (2, 0, 0), (0, 2, 0))
+    scene = ic.Scene((ic.SceneObject("display", quad, glow),))
+    with pytest.raises(ic.InvalidInputError, match="light field"):
+        ic.psf_baseline.render(scene, ic.eyes.navarro(), fov_deg=1.0, resolution=4)
+    with pytest.raises(ic.InvalidInputError, match="opacity"):
+        ic.SceneObject("display", quad, ic.Emission(ic.Spectrum.equal_energy()), opacity=field)
+
+
 @pytest.mark.parametrize(
     ("texels", "angles", "message"),
     [

@@ -334,7 +334,7 @@ def test_a_moved_mesh_keeps_its_normals_upright():
 
 
 def test_a_light_field_sends_each_direction_its_view(precision):
-    """A quad at 1 m whose views grow along u: at x it is seen along slope -x, so it darkens with x."""
+    """A quad at 1 m whose views grow along u: at x it is seen along slope -x, so it darkens."""
     ramp = np.arange(9.0).reshape(1, 1, 1, 9)
     field = ic.LightField(ramp, (20.0, 20.0))
     quad = ic.Quad((-0.1, -0.1, -1.0), (0.2, 0, 0), (0, 0.2, 0))

@@ -35,6 +35,7 @@ from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.basis import spectral_basis
 from isetcl.scene.light import Environment
+from isetcl.scene.light_field import LightField
 from isetcl.scene.model import Scene
 from isetcl.scene.texture import Image
 from isetcl.scene.view import intersect, texels_across
@@ -163,6 +164,11 @@ def _check_emission_only(scene: Scene) -> None:
                 f"PSF methods see only surfaces that send out light by themselves, but object "
                 f"{item.name!r} is {type(item.material).__name__}; use UnlitReflectance, or ray "
                 "tracing"
+            )
+        if isinstance(item.material.texture, LightField):
+            raise InvalidInputError(
+                f"PSF methods see surfaces that shine alike in all directions, but object "
+                f"{item.name!r} shows a light field; use ray tracing"
             )
         if not item.is_opaque:
             raise InvalidInputError(
