@@ -113,6 +113,8 @@ class PathConfig:
         Times a path may be scattered; 0 if nothing scatters.
     is_fused
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
+    starts_given
+        Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
     has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
@@ -139,6 +141,7 @@ class PathConfig:
     vector_width: int
     max_bounces: int
     is_fused: bool = False
+    starts_given: bool = False
     has_conics: bool = True
     has_aspheric_retina: bool = True
     has_far_side: bool = True
@@ -188,6 +191,7 @@ class PathConfig:
         )
         return device.defines(self.precision, path_width(device, self.precision)) | {
             "PATHS_ARE_LOCAL": int(self.is_fused),
+            "STARTS_GIVEN": int(self.starts_given),
             "GROUP_PIXELS": GROUP_PIXELS,
             "SAMPLES_AT_ONCE": SAMPLES_AT_ONCE,
             "PATHS_AN_ITEM": paths_an_item(device),

@@ -143,6 +143,7 @@ def plan(
     max_bounces: int = DEFAULT_BOUNCES,
     expected_error: float = 0.01,
     device: str | None = None,
+    pipeline: Literal["auto", "paths"] = "auto",
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -153,6 +154,8 @@ def plan(
     expected_error
         Relative error the image will have; decides how many bands are needed and whether packed
         textures are harmless.
+    pipeline
+        ``"paths"`` follows paths even where all surfaces only send out light.
 
     Raises
     ------
@@ -167,7 +170,8 @@ def plan(
     )
     check_eye_wavelengths(eye, wavelengths)
     max_bounces = check_count("max_bounces", max_bounces, 0, 1000)
-    is_direct = scene.is_flat_light
+    check_choice("pipeline", pipeline, ("auto", "paths"))
+    is_direct = scene.is_flat_light and pipeline == "auto"
     # Either way every spectrum must be known at all wavelengths.
     basis = spectral_basis(scene, wavelengths) if is_direct else None
     if not is_direct:
