@@ -24,6 +24,7 @@ from isetcl.eye.media import (
     CornuDispersion,
     Medium,
     NavarroDispersion,
+    SellmeierDispersion,
 )
 from isetcl.eye.model import Eye, Retina, Stop, Surface
 from isetcl.eye.rays import RayBundle, RayStatus
@@ -36,11 +37,24 @@ from isetcl.render.trace import trace_rays
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene import targets as scenes
+from isetcl.scene.colour import (
+    blackbody,
+    load_spd,
+    radiance_of_rgb,
+    reflectance_of_rgb,
+    reflectance_primaries,
+    spectrum_of_xyz,
+)
 from isetcl.scene.complex_index import ComplexIndex
+from isetcl.scene.cube import SpectralCube, load_cube
+from isetcl.scene.display import Display, display_primaries
+from isetcl.scene.glass import glass
 from isetcl.scene.light import DistantLight, Environment, PointLight, SpotLight
+from isetcl.scene.light_field import LightField
 from isetcl.scene.load import load_scene
 from isetcl.scene.material import Coated, Diffuse, Emission, Mix, TwoSided, UnlitReflectance
 from isetcl.scene.mesh import Instance, Mesh, load_mesh
+from isetcl.scene.mesh_files import load_mesh_scene
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
 from isetcl.scene.specular import Conductor, Dielectric, Mirror
 from isetcl.scene.texture import Checkerboard, Grid, Image, load_image
@@ -61,6 +75,7 @@ __all__ = [
     "Dielectric",
     "Diffuse",
     "Disc",
+    "Display",
     "DistantLight",
     "Emission",
     "Environment",
@@ -73,6 +88,7 @@ __all__ = [
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
+    "LightField",
     "Medium",
     "Mesh",
     "Mirror",
@@ -89,6 +105,8 @@ __all__ = [
     "RetinalImage",
     "Scene",
     "SceneObject",
+    "SellmeierDispersion",
+    "SpectralCube",
     "Spectrum",
     "Sphere",
     "SpotLight",
@@ -97,14 +115,24 @@ __all__ = [
     "TwoSided",
     "UnlitReflectance",
     "__version__",
+    "blackbody",
+    "display_primaries",
     "eyes",
+    "glass",
+    "load_cube",
     "load_image",
     "load_mesh",
+    "load_mesh_scene",
     "load_scene",
+    "load_spd",
     "plan",
     "psf_baseline",
+    "radiance_of_rgb",
+    "reflectance_of_rgb",
+    "reflectance_primaries",
     "render",
     "scenes",
+    "spectrum_of_xyz",
     "trace_rays",
     "validation",
 ]

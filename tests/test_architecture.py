@@ -83,7 +83,7 @@ def test_the_baseline_imports_neither_renderer_nor_opencl():
 
 def test_only_the_device_layer_and_the_pipeline_touch_opencl():
     users = {str(p.relative_to(PACKAGE)) for p in FILES if "import pyopencl" in p.read_text()}
-    pipelines = {"render/direct.py", "render/paths.py"}
+    pipelines = {"render/direct.py", "render/paths.py", "render/stages.py", "render/trees.py"}
     assert all(u.startswith("device/") or u in pipelines for u in users)
 
 

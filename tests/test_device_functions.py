@@ -122,7 +122,7 @@ def test_scrambled_points_are_those_of_the_numpy_version(probe, precision, dimen
 @pytest.mark.parametrize("bounce", [0, 1, 7])
 def test_the_numbers_of_a_bounce_are_those_of_the_numpy_version(device, precision, bounce):
     samples, bits, stream = 200, 8, 4321
-    probe = Probe(device, precision, 1)
+    probe = Probe(device, precision)
     got = probe(
         "probe_bounce", np.full(samples, float(stream)), 8, np.int32(bits), np.int32(bounce)
     )

@@ -248,7 +248,7 @@ def test_the_plan_leaves_out_what_a_scene_does_not_need():
     assert not emitting.config.has_flats
     lit = ic.plan(lit_wall(lights=(ic.PointLight((0, 1, 0), UNIT),)), EYE, resolution=4)
     assert lit.config.has_lights
-    assert not lit.config.has_meshes
+    assert not lit.config.has_triangles
     assert "shadow rays" in lit.explain()
     sky = ic.plan(lit_wall(background=UNIT), EYE, resolution=4)
     assert not sky.config.has_lights

@@ -155,20 +155,31 @@ class MeshTree:
         import pyopencl as cl
 
         device.check_precision(precision)
-        corners = np.asarray(triangles, dtype=np.float32)
-        lo, hi = corners.min(axis=1), corners.max(axis=1)
-        if precision == "double":
-            # Boxes of the float32 builder must hold the float64 corners.
-            lo = np.nextafter(lo, np.float32(-np.inf))
-            hi = np.nextafter(hi, np.float32(np.inf))
-        builder = fast_builder()
-        binary = build_binary_tree(lo, hi) if builder is None else build_tree_on(builder, lo, hi)
-        tree = collapse(binary)
-        nodes, blocks = pack_tree(tree, triangles, precision)
+        nodes, blocks, depth = build_tree(triangles, precision)
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         self.nodes = cl.Buffer(device.context, flags, hostbuf=nodes)
         self.blocks = cl.Buffer(device.context, flags, hostbuf=blocks)
-        self.stack_size = -(-((WIDTH - 1) * tree.depth + 1) // _STACK_STEP) * _STACK_STEP
+        self.stack_size = stack_size(depth)
+
+
+def stack_size(depth: int) -> int:
+    """Entries the stack of a ray may need in a tree of a depth."""
+    return -(-((WIDTH - 1) * depth + 1) // _STACK_STEP) * _STACK_STEP
+
+
+def build_tree(triangles: np.ndarray, precision: Precision) -> tuple[np.ndarray, np.ndarray, int]:
+    """Nodes and blocks of triangles (n, 3, 3) in the kernels' layout, and the depth of the tree."""
+    corners = np.asarray(triangles, dtype=np.float32)
+    lo, hi = corners.min(axis=1), corners.max(axis=1)
+    if precision == "double":
+        # Boxes of the float32 builder must hold the float64 corners.
+        lo = np.nextafter(lo, np.float32(-np.inf))
+        hi = np.nextafter(hi, np.float32(np.inf))
+    builder = fast_builder()
+    binary = build_binary_tree(lo, hi) if builder is None else build_tree_on(builder, lo, hi)
+    tree = collapse(binary)
+    nodes, blocks = pack_tree(tree, triangles, precision)
+    return nodes, blocks, tree.depth
 
 
 class DeviceMesh:

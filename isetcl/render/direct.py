@@ -110,6 +110,7 @@ class DirectPipeline:
         ]
         packed = [pack_elements(sequence, "scene", precision) for sequence in sequences]
         indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
+        assert isinstance(plan.images, tuple)
         scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)
         return (
             self._upload(pack.pack_pupils(plan.pupils, indices, precision)),

@@ -83,9 +83,22 @@ SAMPLES_AT_ONCE = 8
 sums are the same too."""
 
 
+MOST_PASSES = 64
+"""Cut-out or additive surfaces that a ray may pass one after the other."""
+
+
+GROUP_PIXELS = 64
+"""Pixels whose paths a work-item follows where they stay in its cache."""
+
+
 def paths_an_item(device: Device) -> int:
     """Paths that a work-item shades one after the other."""
     return 64 if device.is_cpu else 1
+
+
+def path_width(device: Device, precision: Precision) -> int:
+    """Paths that are shaded side by side: one hardware vector of them on a CPU."""
+    return min(device.vector_width(precision), 16 if precision == "single" else 8)
 
 
 @dataclass(frozen=True)
@@ -98,16 +111,26 @@ class PathConfig:
         Type of the arithmetic, and its lanes in the stage that leaves the eye.
     max_bounces
         Times a path may be scattered; 0 if nothing scatters.
+    is_fused
+        One kernel follows bundles of paths to their ends, instead of stages over all of them.
     has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
         As in `KernelConfig`.
-    has_flats, has_balls, has_textured_balls, has_meshes
-        Shapes in the scene.
+    has_flats, has_balls, has_textured_balls, has_triangles, has_instances
+        Shapes in the scene; triangles in place, and those of instanced meshes.
     has_normals, has_uv
         Whether any mesh has shading normals or texture coordinates.
-    has_pictures
-        Pictures on any shape.
+    has_pictures, has_grids
+        Textures on any shape.
     has_reflection, has_lights
         Surfaces that scatter, and lights with a place that they can be lit by.
+    has_translucent, has_mirrors, has_conductors, has_dielectrics, has_coated
+        Materials besides matt ones.
+    combined_depth
+        Materials mixed, or different on both sides, one within another; 0 for none.
+    has_spots, has_environment
+        Spot lights, and an image all around.
+    has_cutouts, has_additive
+        Surfaces that let light pass.
     n_basis
         Film channels a band: the wavelengths a path carries.
     """
@@ -115,6 +138,7 @@ class PathConfig:
     precision: Precision
     vector_width: int
     max_bounces: int
+    is_fused: bool = False
     has_conics: bool = True
     has_aspheric_retina: bool = True
     has_far_side: bool = True
@@ -122,17 +146,34 @@ class PathConfig:
     has_flats: bool = True
     has_balls: bool = True
     has_textured_balls: bool = True
-    has_meshes: bool = True
+    has_triangles: bool = True
+    has_instances: bool = True
     has_normals: bool = True
     has_uv: bool = True
     has_pictures: bool = True
+    has_grids: bool = True
     has_reflection: bool = True
     has_lights: bool = True
+    has_translucent: bool = True
+    has_mirrors: bool = True
+    has_conductors: bool = True
+    has_dielectrics: bool = True
+    has_coated: bool = True
+    combined_depth: int = 1
+    has_spots: bool = True
+    has_environment: bool = True
+    has_cutouts: bool = True
+    has_additive: bool = True
     n_basis: int = 4
 
-    def eye_defines(self, device: Device) -> dict[str, int]:
+    @property
+    def most_segments(self) -> int:
+        """Straight parts of the longest path."""
+        return self.max_bounces + 1 + (MOST_PASSES if self.has_additive else 0)
+
+    def eye_defines(self, device: Device, width: int) -> dict[str, int]:
         """The #defines of the stage that leaves the eye, those of the device included."""
-        return device.defines(self.precision, self.vector_width) | {
+        return device.defines(self.precision, width) | {
             "HAS_CONICS": int(self.has_conics),
             "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
             "HAS_FAR_SIDE": int(self.has_far_side),
@@ -141,15 +182,37 @@ class PathConfig:
 
     def path_defines(self, device: Device) -> dict[str, int]:
         """The #defines of the stages that follow paths, those of the device included."""
-        return device.defines(self.precision, 1) | {
+        has_choices = self.combined_depth or any(
+            (self.has_translucent, self.has_dielectrics, self.has_coated)
+        )
+        return device.defines(self.precision, path_width(device, self.precision)) | {
+            "PATHS_ARE_LOCAL": int(self.is_fused),
+            "GROUP_PIXELS": GROUP_PIXELS,
+            "SAMPLES_AT_ONCE": SAMPLES_AT_ONCE,
             "PATHS_AN_ITEM": paths_an_item(device),
+            "MOST_PASSES": MOST_PASSES,
+            "MOST_COMBINED": self.combined_depth + 1,
             "HAS_FLATS": int(self.has_flats),
             "HAS_BALLS": int(self.has_balls),
             "HAS_TEXTURED_BALLS": int(self.has_textured_balls),
-            "HAS_MESHES": int(self.has_meshes),
+            "HAS_MESHES": int(self.has_triangles or self.has_instances),
+            "HAS_TRIANGLES": int(self.has_triangles),
+            "HAS_INSTANCES": int(self.has_instances),
             "HAS_NORMALS": int(self.has_normals),
             "HAS_UV": int(self.has_uv),
             "HAS_PICTURES": int(self.has_pictures),
+            "HAS_GRIDS": int(self.has_grids),
             "HAS_REFLECTION": int(self.has_reflection),
             "HAS_LIGHTS": int(self.has_lights),
+            "HAS_TRANSLUCENT": int(self.has_translucent),
+            "HAS_MIRRORS": int(self.has_mirrors or self.has_conductors),
+            "HAS_CONDUCTORS": int(self.has_conductors),
+            "HAS_DIELECTRICS": int(self.has_dielectrics),
+            "HAS_COATED": int(self.has_coated),
+            "HAS_COMBINED": int(self.combined_depth > 0),
+            "HAS_CHOICES": int(has_choices),
+            "HAS_SPOTS": int(self.has_spots),
+            "HAS_ENVIRONMENT": int(self.has_environment),
+            "HAS_CUTOUTS": int(self.has_cutouts),
+            "HAS_ADDITIVE": int(self.has_additive),
         }

@@ -12,7 +12,7 @@ from isetcl.render.kernel_config import KernelConfig, MaterialKind
 from isetcl.render.sobol import directions
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
-from isetcl.scene.mesh import Mesh
+from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Disc, Quad, Scene, Sphere
 from isetcl.scene.texture import Checkerboard, Image
 from isetcl.scene.view import plane_axes
@@ -131,8 +131,8 @@ def sobol_declaration() -> str:
 
 
 def eye_declarations() -> str:
-    """The C declarations of the camera, and the table of direction numbers."""
-    return CAMERA.c_declaration() + PUPIL.c_declaration() + sobol_declaration()
+    """The C declarations of the camera."""
+    return CAMERA.c_declaration() + PUPIL.c_declaration()
 
 
 def declarations(config: KernelConfig) -> str:
@@ -148,6 +148,7 @@ def declarations(config: KernelConfig) -> str:
         ray_declarations()
         + c_enum(MaterialKind, "MATERIAL")
         + eye_declarations()
+        + sobol_declaration()
         + "".join(struct.c_declaration() for struct in structs)
     )
 
@@ -249,7 +250,7 @@ def pack_scene(
         else:
             materials[i]["kind"] = MaterialKind.UNIFORM
             materials[i]["first"][:n] = colours[0]
-        assert not isinstance(item.shape, Mesh)
+        assert not isinstance(item.shape, (Mesh, Instance))
         if isinstance(item.shape, Sphere):
             spheres.append(_sphere(item.shape, i, precision))
         else:

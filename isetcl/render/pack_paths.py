@@ -8,12 +8,14 @@ from enum import IntEnum
 import numpy as np
 
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
-from isetcl.render.kernel_config import MaterialKind
-from isetcl.scene.light import DistantLight
-from isetcl.scene.material import Diffuse
-from isetcl.scene.mesh import Mesh
-from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
-from isetcl.scene.texture import Checkerboard, Image
+from isetcl.render.pack_lights import LIGHT, LightKind, pack_lights
+from isetcl.render.pack_looks import SUBSTANCE, TEXTURE, Looks, SubstanceKind, TextureKind
+from isetcl.retina.bands import Band
+from isetcl.scene.light import Environment
+from isetcl.scene.material import Emission
+from isetcl.scene.mesh import Instance, Mesh
+from isetcl.scene.model import Disc, Scene, SceneObject, Sphere
+from isetcl.scene.texture import Image
 from isetcl.scene.view import plane_axes
 
 WAVELENGTHS_AT_ONCE = 4
@@ -28,14 +30,6 @@ class ShapeKind(IntEnum):
     MESH = 2
 
 
-class LightKind(IntEnum):
-    """What a light is. The same numbers are compiled into the kernels."""
-
-    OBJECT = 0
-    POINT = 1
-    DISTANT = 2
-
-
 WORLD = Struct(
     "world_t",
     (
@@ -43,6 +37,17 @@ WORLD = Struct(
         Member("n_balls", "int"),
         Member("n_lights", "int"),
         Member("background", "int"),
+        Member("environment", "int"),
+        Member("environment_shares", "int"),
+        Member("environment_rows_sum", "int"),
+        Member("environment_columns_sum", "int"),
+        Member("environment_rows", "int"),
+        Member("environment_columns", "int"),
+        Member("instances_at", "int"),
+        Member("environment_probability"),
+        Member("rotation", length=9),
+        Member("meshes_low", length=3),
+        Member("meshes_high", length=3),
     ),
 )
 OBJECT = Struct(
@@ -52,6 +57,13 @@ OBJECT = Struct(
         Member("first", "int"),
         Member("substance", "int"),
         Member("is_smooth", "int"),
+        Member("instance", "int"),
+        Member("emission", "int"),
+        Member("emission_texture", "int"),
+        Member("shines_behind", "int"),
+        Member("is_additive", "int"),
+        Member("opacity_texture", "int"),
+        Member("opacity"),
         Member("density"),
     ),
 )
@@ -67,33 +79,15 @@ FLAT = Struct(
     ),
 )
 BALL = Struct("ball_t", (Member("object", "int"), Member("centre", length=3), Member("radius")))
-SUBSTANCE = Struct(
-    "substance_t",
+INSTANCE = Struct(
+    "instance_t",
     (
-        Member("kind", "int"),
-        Member("emission", "int"),
-        Member("reflectance", "int"),
-        Member("picture", "int"),
-        Member("periods_u"),
-        Member("periods_v"),
-        Member("bright"),
-        Member("dark"),
-    ),
-)
-PICTURE = Struct(
-    "picture_t",
-    (Member("first", "int"), Member("channels", "int"), Member("width"), Member("height")),
-)
-LIGHT = Struct(
-    "light_t",
-    (
-        Member("kind", "int"),
         Member("object", "int"),
-        Member("triangle", "int"),
-        Member("row", "int"),
-        Member("probability"),
-        Member("cumulative"),
-        Member("place", length=3),
+        Member("nodes_at", "int"),
+        Member("blocks_at", "int"),
+        Member("first_triangle", "int"),
+        Member("matrix", length=12),
+        Member("inverse", length=12),
     ),
 )
 TILE = Struct(
@@ -109,13 +103,22 @@ TILE = Struct(
 
 def declarations() -> str:
     """The C declarations of the kernels that follow paths."""
-    structs = (WORLD, OBJECT, FLAT, BALL, SUBSTANCE, PICTURE, LIGHT, TILE)
+    structs = (WORLD, OBJECT, FLAT, BALL, INSTANCE, SUBSTANCE, TEXTURE, LIGHT, TILE)
     return (
-        c_enum(MaterialKind, "MATERIAL")
+        c_enum(TextureKind, "TEXTURE")
+        + c_enum(SubstanceKind, "SUBSTANCE")
         + c_enum(ShapeKind, "SHAPE")
         + c_enum(LightKind, "LIGHT")
         + "".join(struct.c_declaration() for struct in structs)
     )
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """Triangles that have a hierarchy of their own: those of an instanced mesh."""
+
+    mesh: Mesh
+    first_triangle: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,13 +128,19 @@ class PackedScene:
     Attributes
     ----------
     records : dict of ndarray
-        "world", "objects", "flats", "balls", "substances", "pictures", "lights".
+        "world", "objects", "flats", "balls", "substances", "textures", "lights".
     texels : ndarray of float32
+        Of pictures, then tables of the environment.
     spectra : ndarray, (rows, wavelengths + 4)
-        Radiances, reflectances and intensities, the last value repeated.
+        Radiances, reflectances, indices and intensities, the last value repeated.
     triangles : ndarray, (n, 3, 3)
-        Of all meshes; empty without any.
-    triangle_object : ndarray of int32, (n,)
+        Of all meshes in place, then of all instanced meshes in frames of their own.
+    n_placed : int
+        Triangles in place.
+    parts : tuple of MeshPart
+        Instanced meshes.
+    instances : tuple of (object, part, Instance)
+    triangle_object : ndarray of int32, (n_placed,)
     normals, uvs : ndarray, (n, 9) and (n, 6), or None
         Shading normals and texture coordinates at the corners, where any mesh has them.
     """
@@ -140,6 +149,9 @@ class PackedScene:
     texels: np.ndarray
     spectra: np.ndarray
     triangles: np.ndarray
+    n_placed: int
+    parts: tuple[MeshPart, ...]
+    instances: tuple[tuple[int, int, Instance], ...]
     triangle_object: np.ndarray
     normals: np.ndarray | None
     uvs: np.ndarray | None
@@ -147,8 +159,9 @@ class PackedScene:
 
 def pack_paths(
     scene: Scene,
-    images: tuple[Image | None, ...],
+    images: dict[str, Image],
     wavelengths_nm: np.ndarray,
+    bands: tuple[Band, ...],
     precision: Precision,
 ) -> PackedScene:
     """The arrays of a scene.
@@ -156,9 +169,22 @@ def pack_paths(
     Parameters
     ----------
     images
-        For every object the picture to upload (at the resolution the plan chose), or None.
+        Pictures to upload instead of others, by the digest of those: averaged down where the plan
+        found that to be enough.
     """
-    return _Packer(scene, images, wavelengths_nm, precision).pack()
+    return _Packer(scene, images, wavelengths_nm, bands, precision).pack()
+
+
+def in_place(item: SceneObject) -> Mesh | None:
+    """The mesh of an object whose triangles are stored where they stand.
+
+    Instances that shine are stored so, too, since every triangle of theirs is a light.
+    """
+    if isinstance(item.shape, Mesh):
+        return item.shape
+    if isinstance(item.shape, Instance) and item.emitted is not None:
+        return item.shape.in_place
+    return None
 
 
 class _Packer:
@@ -167,57 +193,58 @@ class _Packer:
     def __init__(
         self,
         scene: Scene,
-        images: tuple[Image | None, ...],
+        images: dict[str, Image],
         wavelengths_nm: np.ndarray,
+        bands: tuple[Band, ...],
         precision: Precision,
     ) -> None:
         self._scene = scene
-        self._images = images
-        self._wavelengths = wavelengths_nm
         self._precision = precision
-        self._rows: list[np.ndarray] = []
+        self._looks = Looks(images, wavelengths_nm, bands, precision)
         self._flats: list[np.ndarray] = []
         self._balls: list[np.ndarray] = []
-        self._pictures: list[np.ndarray] = []
-        self._texels: list[np.ndarray] = []
         self._meshes: list[tuple[int, Mesh]] = []
+        self._parts: dict[str, int] = {}
+        self._part_meshes: list[Mesh] = []
+        self._instances: list[tuple[int, int, Instance]] = []
 
     def pack(self) -> PackedScene:
-        scene, precision = self._scene, self._precision
+        scene, precision, looks = self._scene, self._precision, self._looks
         objects = np.zeros(max(1, len(scene.objects)), dtype=OBJECT.dtype(precision))
-        substances = np.zeros(max(1, len(scene.objects)), dtype=SUBSTANCE.dtype(precision))
         for i, item in enumerate(scene.objects):
-            objects[i]["substance"] = i
-            substances[i] = self._substance(item, self._images[i])
-            objects[i]["kind"], objects[i]["first"] = self._shape(item, i)
-            objects[i]["is_smooth"] = (
-                isinstance(item.shape, Mesh) and item.shape.normals is not None
-            )
-        triangles, owner = self._triangles()
-        lights = self._lights(objects, triangles, owner)
+            self._object(objects[i], item, i)
+        placed = [mesh.triangles_m for _, mesh in self._meshes]
+        owner = np.repeat([i for i, _ in self._meshes], [len(m.faces) for _, m in self._meshes])
+        parts, n = [], sum(len(part) for part in placed)
+        n_placed = n
+        for mesh in self._part_meshes:
+            parts.append(MeshPart(mesh, n))
+            n += len(mesh.faces)
+        everything = placed + [mesh.triangles_m for mesh in self._part_meshes]
+        triangles = np.concatenate(everything) if everything else np.zeros((0, 3, 3))
+        self._first_triangles(objects, parts)
         world = np.zeros(1, dtype=WORLD.dtype(precision))
         world["n_flats"], world["n_balls"] = len(self._flats), len(self._balls)
+        self._background(world)
+        lights = pack_lights(scene, looks, objects, world, triangles[:n_placed], owner)
         world["n_lights"] = len(lights)
-        background = scene.background
-        world["background"] = (
-            -1 if background is None else self._row(background.at(self._wavelengths))
-        )
-        spectra = np.array(self._rows) if self._rows else np.zeros((1, len(self._wavelengths)))
-        spectra = np.pad(spectra, ((0, 0), (0, WAVELENGTHS_AT_ONCE)), mode="edge")
         return PackedScene(
             {
                 "world": world,
                 "objects": objects,
                 "flats": self._stack(self._flats, FLAT),
                 "balls": self._stack(self._balls, BALL),
-                "substances": substances,
-                "pictures": self._stack(self._pictures, PICTURE),
+                "substances": self._stack(looks.substances, SUBSTANCE),
+                "textures": self._stack(looks.textures, TEXTURE),
                 "lights": lights if len(lights) else np.zeros(1, dtype=LIGHT.dtype(precision)),
             },
-            np.concatenate(self._texels) if self._texels else np.zeros(1, dtype=np.float32),
-            np.ascontiguousarray(spectra, dtype=real_dtype(precision)),
+            looks.packed_texels(),
+            looks.packed_spectra(WAVELENGTHS_AT_ONCE),
             triangles,
-            owner,
+            n_placed,
+            tuple(parts),
+            tuple(self._instances),
+            owner.astype(np.int32) if len(owner) else np.zeros(1, dtype=np.int32),
             self._at_corners("normals", 3),
             self._at_corners("uv", 2),
         )
@@ -227,48 +254,41 @@ class _Packer:
             return np.concatenate(records)
         return np.zeros(1, dtype=struct.dtype(self._precision))
 
-    def _row(self, values: np.ndarray) -> int:
-        self._rows.append(np.asarray(values, dtype=np.float64))
-        return len(self._rows) - 1
-
-    def _substance(self, item: SceneObject, image: Image | None) -> np.ndarray:
-        """A material, with its spectra in neighbouring rows."""
-        record = np.zeros(1, dtype=SUBSTANCE.dtype(self._precision))
-        rows = [self._row(s.at(self._wavelengths)) for s in item.material.spectra()]
-        first = rows[0]
-        is_diffuse = isinstance(item.material, Diffuse)
-        record["emission"] = -1 if is_diffuse else first
-        record["reflectance"] = first if is_diffuse else -1
-        record["kind"] = MaterialKind.UNIFORM
-        texture = item.material.texture
-        if image is not None:
-            record["kind"] = MaterialKind.IMAGE
-            record["picture"] = self._picture(image)
-        elif isinstance(texture, Checkerboard):
-            record["kind"] = MaterialKind.CHECKERBOARD
-            record["periods_u"], record["periods_v"] = 2 * texture.periods_u, 2 * texture.periods_v
-            record["bright"], record["dark"] = texture.bright, texture.dark
-        return record[0]
-
-    def _picture(self, image: Image) -> int:
-        record = np.zeros(1, dtype=PICTURE.dtype(self._precision))
-        record["first"] = sum(len(texels) for texels in self._texels)
-        record["channels"] = image.channels
-        record["height"], record["width"] = image.shape
-        self._pictures.append(record)
-        self._texels.append(np.ascontiguousarray(image.texels, dtype=np.float32).ravel())
-        return len(self._pictures) - 1
+    def _object(self, record: np.void, item: SceneObject, index: int) -> None:
+        """One object: its shape, what it sends out and what it does with light."""
+        looks = self._looks
+        record["kind"], record["first"] = self._shape(item, index)
+        mesh = item.shape.mesh if isinstance(item.shape, Instance) else item.shape
+        record["is_smooth"] = isinstance(mesh, Mesh) and mesh.normals is not None
+        record["instance"] = record["emission"] = record["emission_texture"] = -1
+        record["substance"] = looks.substance(item.material) if item.scatters else -1
+        emitted = item.emitted
+        if emitted is not None:
+            record["emission"] = looks.rows(emitted.spectra())
+            record["emission_texture"] = looks.texture(emitted.texture)
+            one_sided = isinstance(emitted, Emission) and emitted.sides == "front"
+            record["shines_behind"] = not one_sided
+            record["is_additive"] = isinstance(emitted, Emission) and emitted.is_additive
+        record["opacity"], record["opacity_texture"] = looks.level(item.opacity)
 
     def _shape(self, item: SceneObject, index: int) -> tuple[ShapeKind, int]:
-        shape = item.shape
-        if isinstance(shape, Mesh):
-            self._meshes.append((index, shape))
+        shape, mesh = item.shape, in_place(item)
+        if mesh is not None:
+            self._meshes.append((index, mesh))
+            return ShapeKind.MESH, 0
+        if isinstance(shape, Instance):
+            key = shape.mesh.digest()
+            if key not in self._parts:
+                self._parts[key] = len(self._part_meshes)
+                self._part_meshes.append(shape.mesh)
+            self._instances.append((index, self._parts[key], shape))
             return ShapeKind.MESH, 0
         if isinstance(shape, Sphere):
             ball = np.zeros(1, dtype=BALL.dtype(self._precision))
             ball["object"], ball["centre"], ball["radius"] = index, shape.centre_m, shape.radius_m
             self._balls.append(ball)
             return ShapeKind.BALL, len(self._balls) - 1
+        assert not isinstance(shape, Mesh)
         quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
         flat = np.zeros(1, dtype=FLAT.dtype(self._precision))
         flat["object"], flat["is_round"] = index, isinstance(shape, Disc)
@@ -277,82 +297,36 @@ class _Packer:
         self._flats.append(flat)
         return ShapeKind.FLAT, len(self._flats) - 1
 
-    def _triangles(self) -> tuple[np.ndarray, np.ndarray]:
-        if not self._meshes:
-            return np.zeros((0, 3, 3)), np.zeros(1, dtype=np.int32)
-        triangles = np.concatenate([mesh.triangles_m for _, mesh in self._meshes])
-        owner = np.repeat([i for i, _ in self._meshes], [len(m.faces) for _, m in self._meshes])
-        return triangles, owner.astype(np.int32)
+    def _first_triangles(self, objects: np.ndarray, parts: list[MeshPart]) -> None:
+        """A triangle of every mesh, for lanes that have none of their own."""
+        at = 0
+        for i, mesh in self._meshes:
+            objects[i]["first"] = at
+            at += len(mesh.faces)
+        for i, part, _ in self._instances:
+            objects[i]["first"] = parts[part].first_triangle
+
+    def _background(self, world: np.ndarray) -> None:
+        background = self._scene.background
+        world["rotation"] = np.eye(3).ravel()
+        world["environment"] = -1
+        if background is None:
+            world["background"] = -1
+        elif isinstance(background, Environment):
+            world["background"] = self._looks.rows(background.spectra())
+            world["environment"] = self._looks.texture(background.texture)
+            if background.rotation is not None:
+                world["rotation"] = background.rotation.ravel()
+        else:
+            world["background"] = self._looks.rows((background,))
 
     def _at_corners(self, name: str, width: int) -> np.ndarray | None:
-        if all(getattr(mesh, name) is None for _, mesh in self._meshes):
+        meshes = [mesh for _, mesh in self._meshes] + self._part_meshes
+        if all(getattr(mesh, name) is None for mesh in meshes):
             return None
         parts = []
-        for _, mesh in self._meshes:
+        for mesh in meshes:
             values = getattr(mesh, name)
             shape = (len(mesh.faces), 3 * width)
             parts.append(np.zeros(shape) if values is None else values[mesh.faces].reshape(shape))
         return np.concatenate(parts).astype(real_dtype(self._precision))
-
-    def _lights(self, objects: np.ndarray, triangles: np.ndarray, owner: np.ndarray) -> np.ndarray:
-        """Everything that lights the scene and has a place, with probabilities by power."""
-        entries: list[tuple[float, int, int]] = []
-        areas: dict[int, float] = {}
-        for i, item in enumerate(self._scene.objects):
-            if isinstance(item.material, Diffuse):
-                continue
-            power = self._radiance(item)
-            if power <= 0:
-                continue
-            if isinstance(item.shape, Mesh):
-                a, b, c = (triangles[owner == i][:, k] for k in range(3))
-                area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
-                numbers = np.flatnonzero(owner == i)
-                entries += [
-                    (power * float(s), i, int(n))
-                    for s, n in zip(area, numbers, strict=True)
-                    if s > 0
-                ]
-                areas[i] = float(area.sum())
-            else:
-                areas[i] = _area(item.shape)
-                entries.append((power * areas[i], i, -1))
-        total = sum(power for power, _, _ in entries)
-        typical = total / len(entries) if entries else 1.0
-        records = np.zeros(
-            len(entries) + len(self._scene.lights), dtype=LIGHT.dtype(self._precision)
-        )
-        total += typical * len(self._scene.lights)
-        for record, (power, i, triangle) in zip(records, entries, strict=False):
-            record["kind"], record["object"], record["triangle"] = LightKind.OBJECT, i, triangle
-            record["probability"] = power / total
-        for record, light in zip(records[len(entries) :], self._scene.lights, strict=True):
-            distant = isinstance(light, DistantLight)
-            spectrum = light.irradiance if isinstance(light, DistantLight) else light.intensity
-            record["kind"] = LightKind.DISTANT if distant else LightKind.POINT
-            record["row"] = self._row(spectrum.at(self._wavelengths))
-            place = np.array(light.towards if isinstance(light, DistantLight) else light.position_m)
-            record["place"] = place / np.linalg.norm(place) if distant else place
-            record["probability"] = typical / total
-        records["cumulative"] = np.cumsum(records["probability"])
-        for i, area in areas.items():
-            share = float(
-                records["probability"][: len(entries)][records["object"][: len(entries)] == i].sum()
-            )
-            is_ball = objects[i]["kind"] == ShapeKind.BALL
-            objects[i]["density"] = share if is_ball else share / area
-        return records
-
-    def _radiance(self, item: SceneObject) -> float:
-        """Mean radiance of an emitter, for choosing lights."""
-        mean = 1.0 if item.material.texture is None else item.material.texture.mean
-        return mean * float(sum(np.mean(s.at(self._wavelengths)) for s in item.material.spectra()))
-
-
-def _area(shape: Quad | Disc | Sphere) -> float:
-    """Area of a shape, m^2."""
-    if isinstance(shape, Sphere):
-        return float(4.0 * np.pi * shape.radius_m**2)
-    if isinstance(shape, Disc):
-        return float(np.pi * shape.radius_m**2)
-    return float(np.linalg.norm(np.cross(shape.edge_u_m, shape.edge_v_m)))

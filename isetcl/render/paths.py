@@ -1,7 +1,8 @@
-"""The path pipeline on a device: stages take turns over the paths of a tile.
+"""The path pipeline on a device: eye -> find hits -> shade -> connect to lights -> find hits ...
 
-eye -> find hits -> shade -> connect to lights -> find hits ... -> gather. Between the stages paths
-lie in device memory; only the numbers of those alive come back.
+On a CPU a work-item follows a bundle of paths from the retina to their ends, and what they carry
+stays in the cache of its core. On a GPU the stages take turns over all paths of a tile, which lie
+in device memory; only the numbers of those alive come back. Both give the same image.
 """
 
 from __future__ import annotations
@@ -13,15 +14,16 @@ import numpy as np
 
 from isetcl.device import program
 from isetcl.device.layout import real_dtype
-from isetcl.device.mesh import MeshTree
 from isetcl.device.tracer import declarations as ray_declarations
 from isetcl.device.tracer import pack_elements, travel_order
 from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack, pack_paths
 from isetcl.render.direct import Tile, tiles
-from isetcl.render.kernel_config import SAMPLES_AT_ONCE, PathConfig, paths_an_item
+from isetcl.render.kernel_config import GROUP_PIXELS, SAMPLES_AT_ONCE, PathConfig, path_width
 from isetcl.render.plan import Plan
+from isetcl.render.stages import PathStages, SceneArguments
+from isetcl.render.trees import SceneTrees
 
 if TYPE_CHECKING:
     import pyopencl
@@ -41,17 +43,16 @@ class PathPipeline:
         self._n_bands = len(plan.band_choice.bands)
         columns, rows = plan.tile
         self._padded = self._pad(columns * rows)
-        self._slots = self._padded * self._n_bands * SAMPLES_AT_ONCE
         try:
             self._upload_eye()
             self._upload_scene()
-            self._allocate()
+            self._film = self._buffer(self._n_bands * 4 * self._padded)
+            self._build()
         except (cl.MemoryError, cl.LogicError) as error:
             raise OutOfMemoryError(
                 f"device {self._device.name!r} cannot hold the scene and the paths of a tile of "
                 f"{plan.tile[0]} x {plan.tile[1]} pixels ({error}); use smaller textures or meshes"
             ) from error
-        self._build()
 
     def _upload(self, array: np.ndarray) -> pyopencl.Buffer:
         import pyopencl as cl
@@ -59,15 +60,15 @@ class PathPipeline:
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         return cl.Buffer(self._device.context, flags, hostbuf=np.ascontiguousarray(array))
 
-    def _buffer(self, values: int, itemsize: int | None = None) -> pyopencl.Buffer:
+    def _buffer(self, values: int) -> pyopencl.Buffer:
         import pyopencl as cl
 
-        size = values * (self._real.itemsize if itemsize is None else itemsize)
+        size = values * self._real.itemsize
         return cl.Buffer(self._device.context, cl.mem_flags.READ_WRITE, size)
 
     def _pad(self, pixels: int) -> int:
         # Lanes beyond the tile would follow whole paths for nothing.
-        step = max(self._config.vector_width, self._device.work_group_size)
+        step = max(GROUP_PIXELS, self._config.vector_width, self._device.work_group_size)
         return -(-pixels // step) * step
 
     def _upload_eye(self) -> None:
@@ -84,17 +85,19 @@ class PathPipeline:
 
     def _upload_scene(self) -> None:
         plan, precision = self._plan, self._config.precision
-        packed = pack_paths.pack_paths(plan.scene, plan.images, plan.wavelengths_nm, precision)
+        assert isinstance(plan.images, dict)
+        packed = pack_paths.pack_paths(
+            plan.scene, plan.images, plan.wavelengths_nm, plan.band_choice.bands, precision
+        )
         none = np.zeros(16, dtype=self._real)
-        self._records = {name: self._upload(array) for name, array in packed.records.items()}
+        trees = SceneTrees(self._device, packed, precision)
+        self._stack_size = trees.stack_size
+        self._nodes, self._blocks = trees.nodes, trees.blocks
+        self._instances = self._upload(trees.instances)
+        self._records = {name: self._upload(array) for name, array in trees.records.items()}
         self._texels = self._upload(packed.texels)
         self._spectra = self._upload(packed.spectra)
         self._n_columns = packed.spectra.shape[1]
-        self._tree = None
-        if len(packed.triangles):
-            self._tree = MeshTree(self._device, packed.triangles, precision)
-        self._nodes = self._upload(none) if self._tree is None else self._tree.nodes
-        self._blocks = self._upload(none) if self._tree is None else self._tree.blocks
         corners = packed.triangles.reshape(-1, 9).astype(self._real)
         self._corners = self._upload(corners if len(corners) else none)
         self._normals = self._upload(none if packed.normals is None else packed.normals)
@@ -102,42 +105,35 @@ class PathPipeline:
         self._owner = self._upload(packed.triangle_object)
         firsts = np.array([band.first for band in plan.band_choice.bands], dtype=np.int32)
         self._band_first = self._upload(firsts)
-
-    def _allocate(self) -> None:
-        """Buffers of the paths; the pipeline owns them."""
-        n = self._slots
-        self._tile_record = np.zeros(1, dtype=pack_paths.TILE.dtype(self._config.precision))
+        self._tile_record = np.zeros(1, dtype=pack_paths.TILE.dtype(precision))
         self._tile_buffer = self._upload(self._tile_record)
-        self._origin, self._direction = self._buffer(3 * n), self._buffer(3 * n)
-        self._weight, self._distance = self._buffer(n), self._buffer(n)
-        self._hit_object, self._hit_triangle = self._buffer(n, 4), self._buffer(n, 4)
-        self._hit_uv = self._buffer(2 * n)
-        self._throughput, self._radiance = self._buffer(4 * n), self._buffer(4 * n)
-        self._last_density = self._buffer(n)
-        self._alive = [self._buffer(n, 4), self._buffer(n, 4)]
-        self._shadowed = self._buffer(n, 4)
-        self._counts = [self._buffer(1, 4), self._buffer(1, 4)]
-        lit = n if self._config.has_lights else 1
-        self._shadow = [self._buffer(k * lit) for k in (3, 3, 1, 4)]
-        self._film = self._buffer(self._n_bands * 4 * self._padded)
 
     def _build(self) -> None:
         device, config = self._device, self._config
+        defines = config.path_defines(device) | {"STACK_SIZE": self._stack_size}
+        declarations = pack_paths.declarations() + pack.sobol_declaration()
+        eye_declarations = ray_declarations() + pack.eye_declarations()
+        self._stages = None
+        if config.is_fused:
+            source = program.assemble(
+                "follow_paths.cl",
+                defines | config.eye_defines(device, path_width(device, config.precision)),
+                declarations + eye_declarations,
+            )
+            self.kernel_digest = program.digest(source)
+            self._follow = program.kernel(device, source, "follow_paths")
+            return
         start = program.assemble(
             "start_paths.cl",
-            config.eye_defines(device),
-            ray_declarations() + pack.eye_declarations(),
+            config.eye_defines(device, config.vector_width),
+            eye_declarations + pack.sobol_declaration(),
         )
-        stack = 32 if self._tree is None else self._tree.stack_size
-        follow = program.assemble(
-            "paths.cl",
-            config.path_defines(device) | {"STACK_SIZE": stack},
-            pack_paths.declarations() + pack.sobol_declaration(),
-        )
-        self.kernel_digest = program.digest(start + follow)
+        find = program.assemble("find_hits.cl", defines, declarations)
+        shade = program.assemble("shade.cl", defines, declarations)
+        self.kernel_digest = program.digest(start + find + shade)
         self._start = program.kernel(device, start, "start_paths")
-        names = ("find_hits", "shade", "connect", "gather")
-        self._kernels = {name: program.kernel(device, follow, name) for name in names}
+        slots = self._padded * self._n_bands * SAMPLES_AT_ONCE
+        self._stages = PathStages(device, config, slots, find, shade)
 
     def tiles(self) -> list[Tile]:
         """The tiles of the plan's image, row by row."""
@@ -158,26 +154,24 @@ class PathPipeline:
 
     def _trace(self, tile: Tile, first: int, count: int, block: int, stream: int) -> np.ndarray:
         """The film of `count` samples of a tile, from the first bounce to the last."""
+        import pyopencl as cl
+
         padded = self._pad(tile.columns * tile.rows)
         assert padded <= self._padded, "a tile must not be larger than the plan's"
-        n_slots = padded * self._n_bands * count
-        self._begin(tile, first, count, block, stream, padded, n_slots)
-        alive = n_slots
         bits = max(1, int(block * self._n_bands - 1).bit_length())
-        for bounce in range(self._config.max_bounces + 1):
-            self._find_hits(alive, n_slots, bounce)
-            alive, shadowed = self._shade(
-                alive, n_slots, bounce, padded, (first, block, bits, stream)
-            )
-            if shadowed:
-                self._connect(shadowed, n_slots)
-            if alive == 0:
-                break
-        return self._gather(tile, count, padded)
+        samples = (first, count, block, bits, stream)
+        self._begin(tile)
+        if self._stages is None:
+            self._follow_all(padded, samples)
+        else:
+            self._take_turns(padded, samples)
+        film = np.empty((self._n_bands * 4, padded), dtype=self._real)
+        cl.enqueue_copy(self._device.queue, film, self._film)
+        pixels = tile.columns * tile.rows
+        return film[:, :pixels].astype(np.float64).reshape(-1, tile.rows, tile.columns)
 
-    def _begin(
-        self, tile: Tile, first: int, count: int, block: int, stream: int, padded: int, n_slots: int
-    ) -> None:
+    def _begin(self, tile: Tile) -> None:
+        """Tell the kernels which tile they render."""
         import pyopencl as cl
 
         queue = self._device.queue
@@ -188,97 +182,25 @@ class PathPipeline:
         record["x"], record["y"], record["columns"] = tile.x, tile.y, tile.columns
         record["image_width"] = self._plan.grid.resolution[0]
         cl.enqueue_copy(queue, self._tile_buffer, record)
-        self._start.set_args(
-            self._camera_buffer,
-            self._pupils,
-            self._elements,
-            np.int32(self._n_elements),
-            np.uint32(first),
-            np.uint32(block),
-            np.uint32(stream),
-            np.int32(padded),
-            np.int32(n_slots),
-            self._origin,
-            self._direction,
-            self._weight,
-        )
-        size = (padded // self._config.vector_width, self._n_bands, count)
-        group = 1 if self._device.is_cpu else self._device.work_group_size
-        cl.enqueue_nd_range_kernel(queue, self._start, size, (group, 1, 1))
 
-    def _run(self, name: str, items: int, *arguments: Any) -> None:
+    def _eye_arguments(self) -> tuple[Any, ...]:
+        return (self._camera_buffer, self._pupils, self._elements, np.int32(self._n_elements))
+
+    def _surfaces(self) -> tuple[Any, ...]:
+        """What rays are asked about."""
+        shapes = (self._records[name] for name in ("world", "flats", "balls"))
+        return (*shapes, self._nodes, self._blocks, self._owner, self._instances)
+
+    def _follow_all(self, padded: int, samples: tuple[int, int, int, int, int]) -> None:
+        """One launch for all bounces."""
         import pyopencl as cl
 
-        kernel = self._kernels[name]
-        kernel.set_args(*arguments)
-        group = self._device.work_group_size
-        cl.enqueue_nd_range_kernel(
-            self._device.queue, kernel, (-(-items // group) * group,), (group,)
-        )
-
-    def _find_hits(self, alive: int, n_slots: int, bounce: int) -> None:
+        first, count, block, bits, stream = samples
         records = self._records
-        self._run(
-            "find_hits",
-            alive,
-            np.int32(alive),
-            self._alive[bounce % 2],
-            np.int32(n_slots),
-            self._origin,
-            self._direction,
-            self._weight,
-            records["world"],
-            records["flats"],
-            records["balls"],
-            self._nodes,
-            self._blocks,
-            self._owner,
-            self._distance,
-            self._hit_object,
-            self._hit_triangle,
-            self._hit_uv,
-            np.int32(bounce == 0),
-        )
-
-    def _shade(
-        self, alive: int, n_slots: int, bounce: int, padded: int, samples: tuple[int, int, int, int]
-    ) -> tuple[int, int]:
-        """Shade all living paths; returns how many go on and how many wait for a light."""
-        import pyopencl as cl
-
-        first, block, bits, stream = samples
-        queue, records = self._device.queue, self._records
-        zero = np.zeros(1, dtype=np.int32)
-        for count in self._counts:
-            cl.enqueue_copy(queue, count, zero)
-        self._run(
-            "shade",
-            -(-alive // paths_an_item(self._device)),
-            np.int32(alive),
-            self._alive[bounce % 2],
-            np.int32(n_slots),
-            self._origin,
-            self._direction,
-            self._weight,
-            self._distance,
-            self._hit_object,
-            self._hit_triangle,
-            self._hit_uv,
-            self._throughput,
-            self._radiance,
-            self._last_density,
-            *(
-                records[name]
-                for name in (
-                    "world",
-                    "objects",
-                    "flats",
-                    "balls",
-                    "substances",
-                    "pictures",
-                    "lights",
-                )
-            ),
+        self._follow.set_args(
+            *self._eye_arguments(),
+            *self._surfaces(),
+            *(records[name] for name in ("objects", "substances", "textures", "lights")),
             self._texels,
             self._corners,
             self._normals,
@@ -286,58 +208,47 @@ class PathPipeline:
             self._spectra,
             np.int32(self._n_columns),
             self._band_first,
-            np.int32(self._n_bands),
-            np.int32(padded),
             self._tile_buffer,
             np.uint32(first),
+            np.int32(count),
             np.uint32(block),
             np.int32(bits),
             np.uint32(stream),
-            np.int32(bounce),
             np.int32(self._config.max_bounces),
-            self._alive[(bounce + 1) % 2],
-            self._counts[0],
-            self._shadowed,
-            self._counts[1],
-            *self._shadow,
-        )
-        numbers = np.zeros((2, 1), dtype=np.int32)
-        for number, count in zip(numbers, self._counts, strict=True):
-            cl.enqueue_copy(queue, number, count)
-        return int(numbers[0, 0]), int(numbers[1, 0])
-
-    def _connect(self, shadowed: int, n_slots: int) -> None:
-        records = self._records
-        self._run(
-            "connect",
-            shadowed,
-            np.int32(shadowed),
-            self._shadowed,
-            np.int32(n_slots),
-            *self._shadow,
-            self._radiance,
-            records["world"],
-            records["flats"],
-            records["balls"],
-            self._nodes,
-            self._blocks,
-        )
-
-    def _gather(self, tile: Tile, count: int, padded: int) -> np.ndarray:
-        import pyopencl as cl
-
-        kernel, queue = self._kernels["gather"], self._device.queue
-        kernel.set_args(
-            np.int32(count),
-            np.int32(self._n_bands),
+            np.int32(self._config.most_segments),
             np.int32(padded),
-            self._weight,
-            self._radiance,
             self._film,
         )
-        group = self._device.work_group_size
-        cl.enqueue_nd_range_kernel(queue, kernel, (padded, self._n_bands), (group, 1))
-        film = np.empty((self._n_bands * 4, padded), dtype=self._real)
-        cl.enqueue_copy(queue, film, self._film)
-        pixels = tile.columns * tile.rows
-        return film[:, :pixels].astype(np.float64).reshape(-1, tile.rows, tile.columns)
+        size = (padded // GROUP_PIXELS, self._n_bands)
+        cl.enqueue_nd_range_kernel(self._device.queue, self._follow, size, (1, 1))
+
+    def _take_turns(self, padded: int, samples: tuple[int, int, int, int, int]) -> None:
+        """Launch stage after stage until no path is left."""
+        assert self._stages is not None
+        records = self._records
+        scene = SceneArguments(
+            self._surfaces(),
+            (records["objects"], records["textures"], self._texels, self._corners, self._uvs),
+            (
+                *(records[name] for name in ("world", "flats", "balls")),
+                self._instances,
+                *(records[name] for name in ("objects", "substances", "textures", "lights")),
+                self._texels,
+                self._corners,
+                self._normals,
+                self._uvs,
+                self._spectra,
+                np.int32(self._n_columns),
+                self._band_first,
+                np.int32(self._n_bands),
+                np.int32(padded),
+                self._tile_buffer,
+            ),
+        )
+        self._stages.run(
+            (self._start, self._eye_arguments()),
+            scene,
+            samples,
+            (padded, self._n_bands),
+            self._film,
+        )

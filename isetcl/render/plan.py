@@ -23,14 +23,20 @@ from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.throughput import axial_irradiance_per_radiance
+from isetcl.render.decision import Decision, left_out
 from isetcl.render.kernel_config import SAMPLES_AT_ONCE, KernelConfig, PathConfig
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
+from isetcl.render.plan_paths import (
+    TEXELS_PER_FOOTPRINT,
+    check_mesh_memory,
+    check_spectra,
+    decide_bounces,
+    decide_features,
+    path_images,
+)
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
-from isetcl.scene.light import DistantLight
-from isetcl.scene.material import Diffuse
-from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
 from isetcl.scene.view import intersect, texels_across
@@ -45,18 +51,8 @@ _SPHERE_ROUNDING = 2.4e-7  # of the radius: four roundings of its square
 _TILE_FILM_BYTES = 4 << 20
 _TILE_PATHS_BYTES = 64 << 20
 _PATH_BYTES = 160
-_TEXELS_PER_FOOTPRINT = 4
 
 DEFAULT_BOUNCES = 8
-
-
-@dataclass(frozen=True)
-class Decision:
-    """One thing a plan decided, and why."""
-
-    feature: str
-    choice: str
-    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +70,9 @@ class Plan:
         The spectra that span the scene; None where paths carry wavelengths.
     pupils : tuple of ExitPupilBound
         One for each band.
-    images : tuple of Image or None
-        For each object the picture as it is uploaded.
+    images : tuple of Image or None, or dict
+        For each object the picture as it is uploaded; of the path pipeline, pictures averaged down
+        by the digest of those they replace.
     config : KernelConfig or PathConfig
         What is compiled in: the direct pipeline, or the path pipeline.
     decisions : tuple of Decision
@@ -91,7 +88,7 @@ class Plan:
     band_choice: BandChoice
     basis: SpectralBasis | None
     pupils: tuple[ExitPupilBound, ...]
-    images: tuple[Image | None, ...]
+    images: tuple[Image | None, ...] | dict[str, Image]
     config: KernelConfig | PathConfig
     decisions: tuple[Decision, ...]
     tile: tuple[int, int]
@@ -129,7 +126,7 @@ class Plan:
         """Whether anything in the scene sends out light."""
         if self.basis is not None:
             return bool(np.any(self.basis.spectra))
-        emitters = any(not isinstance(o.material, Diffuse) for o in self.scene.objects)
+        emitters = any(o.emitted is not None for o in self.scene.objects)
         return emitters or bool(self.scene.lights) or self.scene.background is not None
 
 
@@ -170,11 +167,11 @@ def plan(
     )
     check_eye_wavelengths(eye, wavelengths)
     max_bounces = check_count("max_bounces", max_bounces, 0, 1000)
-    is_direct = not (scene.has_reflection or scene.has_meshes)
+    is_direct = scene.is_flat_light
     # Either way every spectrum must be known at all wavelengths.
     basis = spectral_basis(scene, wavelengths) if is_direct else None
     if not is_direct:
-        _check_spectra(scene, wavelengths)
+        check_spectra(scene, wavelengths)
     chosen_device = find_device(device)
     notes: list[Decision] = []
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
@@ -185,7 +182,12 @@ def plan(
         exit_pupil_bound(eye, band.wavelength_nm, grid.field_map, grid.limit_deg)
         for band in choice.bands
     )
-    images = tuple(_uploaded_image(scene, i, grid, notes) for i in range(len(scene.objects)))
+    if is_direct:
+        shown = [_uploaded_image(scene, i, grid, notes) for i in range(len(scene.objects))]
+        images: tuple[Image | None, ...] | dict[str, Image] = tuple(shown)
+    else:
+        check_mesh_memory(scene, resolved)
+        images = path_images(scene, grid, notes)
     width = _decide_width(chosen_device, resolved, notes)
     config: KernelConfig | PathConfig
     if basis is not None:
@@ -195,15 +197,16 @@ def plan(
             n_basis=_decide_basis(basis, notes),
             **_decide_eye(eye, pupils, notes),
             **_decide_shapes(scene, notes),
-            **_decide_textures(scene, images, resolved, expected_error, notes),  # type: ignore[arg-type]
+            **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
     else:
         config = PathConfig(
             precision=resolved,
             vector_width=width,
-            max_bounces=_decide_bounces(scene, max_bounces, notes),
+            is_fused=_decide_fused(chosen_device, notes),
+            max_bounces=decide_bounces(scene, max_bounces, notes),
             **_decide_eye(eye, pupils, notes),
-            **_decide_path_features(scene, images, notes),
+            **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
     return Plan(
@@ -290,6 +293,17 @@ def _decide_width(device: Device, precision: Precision, notes: list[Decision]) -
     return width
 
 
+def _decide_fused(device: Device, notes: list[Decision]) -> bool:
+    is_fused = device.is_cpu and not device.is_interpreter
+    reason = (
+        "bundles of paths stay in the cache of a core"
+        if is_fused
+        else "every stage works on all paths of a tile"
+    )
+    notes.append(Decision("kernels", "one" if is_fused else "by stages", reason))
+    return is_fused
+
+
 def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
     count = len(basis.spectra)
     reason = (
@@ -301,11 +315,6 @@ def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
     return count
 
 
-def _left_out(notes: list[Decision], feature: str, needed: bool, why: str, why_not: str) -> bool:
-    notes.append(Decision(feature, "in" if needed else "left out", why if needed else why_not))
-    return needed
-
-
 def _decide_eye(
     eye: Eye, pupils: tuple[ExitPupilBound, ...], notes: list[Decision]
 ) -> dict[str, bool]:
@@ -315,28 +324,28 @@ def _decide_eye(
         Decision("pupil sampling", "exit pupil", f"{100 * fill:.3g} % of the rays pass the stop")
     )
     return {
-        "has_conics": _left_out(
+        "has_conics": left_out(
             notes,
             "conic surfaces",
             bool(conic),
             ", ".join(conic),
             "every refracting surface is a sphere or a plane",
         ),
-        "has_aspheric_retina": _left_out(
+        "has_aspheric_retina": left_out(
             notes,
             "aspheric retina",
             eye.retina.conic != 0,
             "the retina is not a sphere",
             "the retina is a sphere",
         ),
-        "has_far_side": _left_out(
+        "has_far_side": left_out(
             notes,
             "far sides of surfaces",
             any(p.has_far_side for p in pupils),
             "at this field angle rays may cross a surface beyond its equator",
             "no ray crosses a surface beyond its equator at these field angles",
         ),
-        "has_semi_diameters": _left_out(
+        "has_semi_diameters": left_out(
             notes,
             "clipping at surfaces",
             any(p.clipped_elsewhere for p in pupils),
@@ -362,12 +371,12 @@ def _decide_shapes(scene: Scene, notes: list[Decision]) -> dict[str, bool]:
     )
     none = "none in the scene"
     return {
-        "has_patches": _left_out(
+        "has_patches": left_out(
             notes, "flat shapes", quads + discs > 0, f"{quads} quads, {discs} discs", none
         ),
-        "has_discs": _left_out(notes, "discs", discs > 0, f"{discs} in the scene", none),
-        "has_spheres": _left_out(notes, "spheres", spheres > 0, f"{spheres} in the scene", none),
-        "has_textured_spheres": _left_out(
+        "has_discs": left_out(notes, "discs", discs > 0, f"{discs} in the scene", none),
+        "has_spheres": left_out(notes, "spheres", spheres > 0, f"{spheres} in the scene", none),
+        "has_textured_spheres": left_out(
             notes, "textured spheres", textured > 0, f"{textured} in the scene", none
         ),
     }
@@ -375,7 +384,7 @@ def _decide_shapes(scene: Scene, notes: list[Decision]) -> dict[str, bool]:
 
 def _decide_textures(
     scene: Scene,
-    images: tuple[Image | None, ...],
+    images: list[Image | None],
     precision: Precision,
     expected_error: float,
     notes: list[Decision],
@@ -384,8 +393,8 @@ def _decide_textures(
     pictures = [image for image in images if image is not None]
     channels = max((image.channels for image in pictures), default=1)
     is_packed = channels == 3 and precision == "single" and expected_error > 5 * PACKING_ERROR
-    _left_out(notes, "checkerboards", boards > 0, f"{boards} in the scene", "none in the scene")
-    _left_out(notes, "images", bool(pictures), f"{len(pictures)} in the scene", "none in the scene")
+    left_out(notes, "checkerboards", boards > 0, f"{boards} in the scene", "none in the scene")
+    left_out(notes, "images", bool(pictures), f"{len(pictures)} in the scene", "none in the scene")
     if pictures:
         reason = (
             f"11-11-10 bits: wrong by {PACKING_ERROR:g}, the image by {expected_error:.2g}"
@@ -412,7 +421,7 @@ def _uploaded_image(
     if not isinstance(image, Image):
         return None
     footprint = _texels_per_pixel(scene, index, image, grid)
-    times = max(0, math.floor(math.log2(max(footprint, 1.0) / _TEXELS_PER_FOOTPRINT)))
+    times = max(0, math.floor(math.log2(max(footprint, 1.0) / TEXELS_PER_FOOTPRINT)))
     if times > 0:
         reason = f"a pixel covers {footprint:.3g} texels of {item.name!r} across"
         notes.append(Decision("texture filter", f"1/{1 << times}", reason))
@@ -432,73 +441,14 @@ def _texels_per_pixel(scene: Scene, index: int, image: Image, grid: RetinalGrid)
     return texels_across(shape, image, nearest, math.radians(min(grid.pitch_deg)))
 
 
-def _check_spectra(scene: Scene, wavelengths_nm: np.ndarray) -> None:
-    """Raise InvalidInputError unless every spectrum of a scene is known at all wavelengths."""
-    spectra = [s for item in scene.objects for s in item.material.spectra()]
-    spectra += [
-        light.irradiance if isinstance(light, DistantLight) else light.intensity
-        for light in scene.lights
-    ]
-    for spectrum in [*spectra, *([scene.background] if scene.background else [])]:
-        spectrum.at(wavelengths_nm)
-
-
-def _decide_bounces(scene: Scene, max_bounces: int, notes: list[Decision]) -> int:
-    if not scene.has_reflection:
-        reason = "nothing scatters light: what is met first is what is seen"
-        notes.append(Decision("lighting", "emission only", reason))
-        return 0
-    reason = "surfaces scatter light; paths end by chance after the third bounce"
-    notes.append(Decision("lighting", f"{max_bounces} bounces", reason))
-    return max_bounces
-
-
-def _decide_path_features(
-    scene: Scene, images: tuple[Image | None, ...], notes: list[Decision]
-) -> dict[str, bool]:
-    """What the path pipeline compiles in of a scene."""
-    shapes = [item.shape for item in scene.objects]
-    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
-    balls = [item for item in scene.objects if isinstance(item.shape, Sphere)]
-    flats = len(shapes) - len(meshes) - len(balls)
-    triangles = sum(len(mesh.faces) for mesh in meshes)
-    emitters = sum(not isinstance(item.material, Diffuse) for item in scene.objects)
-    lights = emitters + len(scene.lights) if scene.has_reflection else 0
-    none = "none in the scene"
-    counts = {
-        "has_flats": ("flat shapes", flats),
-        "has_balls": ("spheres", len(balls)),
-        "has_textured_balls": (
-            "textured spheres",
-            sum(item.material.texture is not None for item in balls),
-        ),
-        "has_meshes": ("hierarchy of triangles", triangles),
-        "has_normals": ("shading normals", sum(mesh.normals is not None for mesh in meshes)),
-        "has_uv": ("texture coordinates", sum(mesh.uv is not None for mesh in meshes)),
-        "has_pictures": ("images", sum(image is not None for image in images)),
-    }
-    features = {
-        field: _left_out(notes, name, count > 0, f"{count} in the scene", none)
-        for field, (name, count) in counts.items()
-    }
-    features["has_reflection"] = scene.has_reflection
-    features["has_lights"] = _left_out(
-        notes,
-        "shadow rays",
-        lights > 0,
-        f"{lights} lights with a place",
-        "nothing scatters light" if not scene.has_reflection else "no light has a place",
-    )
-    return features
-
-
 def _decide_tile(
     grid: RetinalGrid, config: KernelConfig | PathConfig, n_bands: int, notes: list[Decision]
 ) -> tuple[int, int]:
     """Columns and rows of a tile whose film, or whose paths, fit the device comfortably."""
     columns, rows = grid.resolution
     bytes_per_pixel = n_bands * config.n_basis * (4 if config.precision == "single" else 8)
-    if isinstance(config, PathConfig):
+    by_stages = isinstance(config, PathConfig) and not config.is_fused
+    if by_stages:
         bytes_per_pixel = n_bands * SAMPLES_AT_ONCE * _PATH_BYTES
         pixels = _TILE_PATHS_BYTES // bytes_per_pixel
     else:
@@ -508,7 +458,7 @@ def _decide_tile(
     if width == columns and height == rows:
         reason = "the whole image fits"
     else:
-        what = "paths" if isinstance(config, PathConfig) else "film"
+        what = "paths" if by_stages else "film"
         reason = f"the {what} of a tile takes {width * height * bytes_per_pixel / 2**20:.3g} MB"
     notes.append(Decision("tile", f"{width} x {height}", reason))
     return width, height

@@ -14,6 +14,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice, check_type
 from isetcl.eye.media import ConstantIndex, Medium
+from isetcl.scene.light_field import LightField
 from isetcl.scene.specular import (
     Conductor,
     Dielectric,
@@ -31,12 +32,14 @@ CLEAR_COAT = Medium("clear coat", ConstantIndex(1.5))
 """What paints and plastics are coated with, about (Mitsuba and PBRT assume the same)."""
 
 
-def _check_material(name: str, spectra: object, texture: object) -> None:
+def _check_material(
+    name: str, spectra: object, texture: object, kinds: tuple[type, ...] = TEXTURES
+) -> None:
     """Refuse what is no spectrum, or tuple of them, and what is no texture."""
     for spectrum in spectra if isinstance(spectra, (tuple, list)) else (spectra,):
         check_type(name, spectrum, Spectrum)
     if texture is not None:
-        check_type(f"{name.split(':')[0]}: texture", texture, TEXTURES)
+        check_type(f"{name.split(':')[0]}: texture", texture, kinds)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +52,8 @@ class Emission:
         Spectral radiance, W m^-2 sr^-1 nm^-1: one spectrum, or one a channel (the primaries) for a
         coloured image.
     texture
-        Weights of the radiance over the shape; None is 1 everywhere.
+        Weights of the radiance over the shape; None is 1 everywhere. A `LightField` sends out
+        different light in different directions, from the front only.
     sides
         ``"both"``, or ``"front"`` for the side the normal points to.
     is_additive
@@ -62,12 +66,13 @@ class Emission:
     """
 
     radiance: Spectrum | tuple[Spectrum, ...]
-    texture: Texture | None = None
+    texture: Texture | LightField | None = None
     sides: EmittingSides = "both"
     is_additive: bool = False
 
     def __post_init__(self) -> None:
-        _check_material("emission: radiance", self.radiance, self.texture)
+        kinds = (*TEXTURES, LightField)
+        _check_material("emission: radiance", self.radiance, self.texture, kinds)
         check_choice("emission: sides", self.sides, ("both", "front"))
         check_type("emission: is_additive", self.is_additive, bool)
         channels = 1 if self.texture is None else self.texture.channels
@@ -319,7 +324,10 @@ EMITTING = (Emission, UnlitReflectance)
 
 
 def _digest(
-    kind: str, spectra: tuple[Spectrum, ...], texture: Texture | None, extra: str = ""
+    kind: str,
+    spectra: tuple[Spectrum, ...],
+    texture: Texture | LightField | None,
+    extra: str = "",
 ) -> str:
     parts = [kind, texture.digest() if texture else "plain", extra]
     parts += [spectrum.digest() for spectrum in spectra]

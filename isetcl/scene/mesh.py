@@ -105,7 +105,9 @@ class Mesh:
             normals = self.normals @ np.linalg.inv(linear)
             length = np.linalg.norm(normals, axis=1, keepdims=True)
             normals = normals / np.where(length > 0, length, 1.0)
-        return Mesh(self.vertices_m @ linear.T + m[:3, 3], self.faces, normals, self.uv)
+        # A mirrored triangle would face the other way.
+        faces = self.faces if np.linalg.det(linear) > 0 else self.faces[:, ::-1]
+        return Mesh(self.vertices_m @ linear.T + m[:3, 3], faces, normals, self.uv)
 
     def digest(self) -> str:
         """A hash of the mesh, for provenance."""

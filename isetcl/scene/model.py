@@ -7,6 +7,7 @@ origin and the eye looks along -z.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.specular import Level, check_level, level_digest
 from isetcl.scene.texture import Checkerboard, Image
 from isetcl.spectrum import Spectrum
+
+Vector = Sequence[float] | np.ndarray
 
 
 def _vector(name: str, value: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -242,6 +245,101 @@ class Scene:
     def digest(self) -> str:
         """A hash of everything in the scene, for provenance and caches."""
         return self._digest
+
+    def find(self, pattern: str) -> tuple[str, ...]:
+        """Names of the objects that fit a name or pattern: `edit.find`."""
+        from isetcl.scene import edit
+
+        return edit.find(self, pattern)
+
+    def moved(self, name: str, offset_m: Vector) -> Scene:
+        """A scene with objects moved by (x, y, z) in metres: `edit.moved`."""
+        from isetcl.scene import edit
+
+        return edit.moved(self, name, offset_m)
+
+    def rotated(
+        self, name: str, axis: str | Vector, angle_deg: float, about_m: Vector | None = None
+    ) -> Scene:
+        """A scene with objects turned, about their centres or a point: `edit.rotated`."""
+        from isetcl.scene import edit
+
+        return edit.rotated(self, name, axis, angle_deg, about_m)
+
+    def scaled(self, name: str, factor: float | Vector, about_m: Vector | None = None) -> Scene:
+        """A scene with objects enlarged, about their centres or a point: `edit.scaled`."""
+        from isetcl.scene import edit
+
+        return edit.scaled(self, name, factor, about_m)
+
+    def transformed(self, name: str, matrix: np.ndarray) -> Scene:
+        """A scene with objects under an affine map (4, 4): `edit.transformed`."""
+        from isetcl.scene import edit
+
+        return edit.transformed(self, name, matrix)
+
+    def with_material(self, name: str, material: Material) -> Scene:
+        """A scene with objects of another material: `edit.with_material`."""
+        from isetcl.scene import edit
+
+        return edit.with_material(self, name, material)
+
+    def recoloured(self, name: str, reflectance: Spectrum) -> Scene:
+        """A scene with objects of another reflectance: `edit.recoloured`."""
+        from isetcl.scene import edit
+
+        return edit.recoloured(self, name, reflectance)
+
+    def without(self, name: str) -> Scene:
+        """A scene without some of its objects: `edit.without`."""
+        from isetcl.scene import edit
+
+        return edit.without(self, name)
+
+    def added(self, *objects: SceneObject) -> Scene:
+        """A scene with more objects: `edit.added`."""
+        from isetcl.scene import edit
+
+        return edit.added(self, *objects)
+
+    def with_lights(self, *lights: Light) -> Scene:
+        """A scene with other lights: `edit.with_lights`."""
+        from isetcl.scene import edit
+
+        return edit.with_lights(self, *lights)
+
+    def with_background(self, background: Spectrum | Environment | None) -> Scene:
+        """A scene before another background: `edit.with_background`."""
+        from isetcl.scene import edit
+
+        return edit.with_background(self, background)
+
+    def seen_from(
+        self,
+        eye_at_m: Vector = (0.0, 0.0, 0.0),
+        look_at_m: Vector | None = None,
+        *,
+        gaze_deg: tuple[float, float] | None = None,
+        up: Vector = (0.0, 1.0, 0.0),
+    ) -> Scene:
+        """The scene as it lies before an eye in another place: `gaze.seen_from`."""
+        from isetcl.scene import gaze
+
+        return gaze.seen_from(self, eye_at_m, look_at_m, gaze_deg=gaze_deg, up=up)
+
+    def binocular(
+        self,
+        interpupillary_distance_mm: float = 63.0,
+        verge_on_m: Vector | None = None,
+        *,
+        rotation_centre_mm: float | None = None,
+    ) -> tuple[Scene, Scene]:
+        """The scene as it lies before the left and the right eye: `gaze.binocular`."""
+        from isetcl.scene import gaze
+
+        return gaze.binocular(
+            self, interpupillary_distance_mm, verge_on_m, rotation_centre_mm=rotation_centre_mm
+        )
 
     def _hash(self) -> str:
         parts = [self.background.digest() if self.background else "black"]

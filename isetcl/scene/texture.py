@@ -264,7 +264,7 @@ class Image:
     def digest(self) -> str:
         """A hash of the texels, for provenance."""
         data = np.ascontiguousarray(self.texels).tobytes()
-        place = "" if self.is_plain else f"{self.wrap} {self.repeats} {self.offset}"
+        place = f"{self.texels.shape} {self.wrap} {self.repeats} {self.offset}"
         return hashlib.sha256(data + place.encode()).hexdigest()[:16]
 
 

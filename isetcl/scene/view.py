@@ -76,7 +76,7 @@ def _intersect_sphere(sphere: Sphere, origins: np.ndarray, directions: np.ndarra
     with np.errstate(invalid="ignore"):
         n = (relative + np.where(hit, distance, 0.0)[..., None] * directions) / sphere.radius_m
     u = np.arctan2(n[..., 0], n[..., 2]) / (2.0 * np.pi) % 1.0
-    v = 0.5 + np.arctan2(n[..., 1], np.hypot(n[..., 0], n[..., 2])) / (2.0 * np.pi)
+    v = 0.5 + np.arctan2(n[..., 1], np.hypot(n[..., 0], n[..., 2])) / np.pi
     return Hits(np.where(hit, distance, np.inf), u, v)
 
 

@@ -1,10 +1,8 @@
 /* functions.cl - device functions, one value a lane, for tests/test_device_functions.py. */
 #include "lib/camera.cl"
 #include "lib/scene.cl"
-#include "lib/sobol.cl"
-#if WIDTH == 1
 #include "lib/bounce.cl"
-#endif
+#include "lib/turn.cl"
 
 kernel void probe_sine_cosine(global const real *x, const int n, global real *out) {
   const size_t g = get_global_id(0);
@@ -57,16 +55,16 @@ kernel void probe_sobol(global const real *x, const int n, global real *out, con
     store_lanes(sobol_coordinate((uint)i, dimension, stream), out + (size_t)i * n, g);
 }
 
-#if WIDTH == 1
 /* The eight numbers of a bounce for samples 0 ... n - 1 of a stream. */
 kernel void probe_bounce(global const real *x, const int n, global real *out, const int bits,
                          const int bounce) {
   const size_t g = get_global_id(0);
-  real number[8];
-  bounce_numbers((uint)g, bits, (uint)x[0], bounce, number);
-  for (int k = 0; k < 8; ++k) out[(size_t)k * n + g] = number[k];
+  realv number[8];
+  const uintv sample = (uint)(g * WIDTH) + lane_numbers();
+  for (int set = 0; set < 2; ++set)
+    bounce_numbers(sample, bits, (uintv)((uint)x[0]), bounce, set, number + 4 * set);
+  for (int k = 0; k < 8; ++k) store_lanes(number[k], out + (size_t)k * n, g);
 }
-#endif
 
 kernel void probe_horner(constant camera_t *camera, global const real *x, const int n,
                          global real *out) {

@@ -67,6 +67,7 @@ typedef int intv_mem __attribute__((ext_vector_type(WIDTH), aligned(4)));
 #define int_from_mask(x) ((intv)(x))
 #define mask_from_int(x) ((maskv)(x))
 #define int_from_uint(x) as_int(x)
+#define uint_from_int(x) as_uint(x)
 #define real_from_float(x) ((realv)(x))
 #else
 #define real_from_int(x) __builtin_convertvector((x), realv)
@@ -74,6 +75,7 @@ typedef int intv_mem __attribute__((ext_vector_type(WIDTH), aligned(4)));
 #define int_from_mask(x) __builtin_convertvector((x), intv)
 #define mask_from_int(x) __builtin_convertvector((x), maskv)
 #define int_from_uint(x) __builtin_astype((x), intv)
+#define uint_from_int(x) __builtin_astype((x), uintv)
 #define real_from_float(x) __builtin_convertvector((x), realv)
 #endif
 
@@ -152,6 +154,18 @@ INLINE realv smaller(realv a, realv b) { return a < b ? a : b; }
 INLINE intv whole(realv x) {
   intv i = int_from_real(x);
   return i - (int_from_mask(real_from_int(i) > x) ? (intv)1 : (intv)0);
+}
+
+/* divide - quotients and rests of 0 <= a < 2^24 by n, without the division of integers, which is
+ * done lane by lane.
+ */
+INLINE intv divide(intv a, int n, intv *rest) {
+  intv quotient = int_from_real(real_from_int(a) * (R(1.0) / (real)n));
+  intv left = a - quotient * n;
+  /* The product may be off by one either way. */
+  intv step = (left >= n ? (intv)1 : (intv)0) - (left < 0 ? (intv)1 : (intv)0);
+  *rest = left - step * n;
+  return quotient + step;
 }
 
 /* is_number - lanes that are neither infinite nor NaN. */

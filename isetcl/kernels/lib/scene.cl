@@ -4,6 +4,7 @@
  * N_BASIS spectra of the scene. What a scene does not have is not compiled.
  */
 #include "lib/real.cl"
+#include "lib/turn.cl"
 
 /* hitv - the nearest hit so far. */
 typedef struct {
@@ -79,36 +80,6 @@ INLINE void hit_patch(hitv *hit, constant patch_t *patch, constant material_t *m
 #endif
 
 #if HAS_SPHERES
-#if HAS_TEXTURED_SPHERES
-/* turn_of - the angle of (x, y) in turns, -1/2 to 1/2; 0 at the origin.
- *
- * Source: S. Moshier, Cephes atanf; 2e-7 relative in float. In double the polynomial of atan is
- * continued by one Newton step on tan through sine and cosine of the small angle.
- */
-INLINE realv turn_of(realv y, realv x) {
-  realv ax = magnitude(x), ay = magnitude(y);
-  maskv steep = ay > ax;
-  realv ratio = (steep ? ax : ay) / larger(steep ? ay : ax, (realv)R(1e-37));
-  maskv upper = ratio > R(0.4142135623730950);
-  realv t = upper ? (ratio - 1) / (ratio + 1) : ratio;
-  realv z = t * t;
-  realv p = mul_add((realv)R(8.05374449538e-2), z, (realv)R(-1.38776856032e-1));
-  p = mul_add(p, z, (realv)R(1.99777106478e-1));
-  p = mul_add(p, z, (realv)R(-3.33329491539e-1));
-  realv angle = mul_add(p * z, t, t);
-#if DOUBLE_PRECISION
-  realv s, c;
-  sine_cosine_quarter(angle, &s, &c);
-  angle += (t * c - s) / mul_add(t, s, c);
-#endif
-  angle += upper ? (realv)R(0.78539816339744830962) : (realv)0;
-  angle = steep ? R(1.57079632679489661923) - angle : angle;
-  angle = x < 0 ? R(3.14159265358979323846) - angle : angle;
-  angle = y < 0 ? -angle : angle;
-  return angle * R(0.15915494309189533577);
-}
-#endif
-
 /* hit_sphere - a sphere, from outside or inside.
  *
  * The ray is first moved to its point of closest approach to the centre, so that small or distant
@@ -135,7 +106,7 @@ INLINE void hit_sphere(hitv *hit, constant sphere_t *sphere, constant material_t
     realv nx = mul_add(side, dx, px), ny = mul_add(side, dy, py), nz = mul_add(side, dz, pz);
     u = turn_of(nx, nz);
     u = u < 0 ? u + 1 : u;
-    v = R(0.5) + turn_of(ny, square_root(mul_add(nx, nx, nz * nz)));
+    v = mul_add((realv)2, turn_of(ny, square_root(mul_add(nx, nx, nz * nz))), (realv)R(0.5));
   }
 #endif
   hit_material(hit, materials + sphere->material, here, distance, u, v);

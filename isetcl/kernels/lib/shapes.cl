@@ -1,109 +1,211 @@
-/* shapes.cl - one ray against everything in the scene, for kernels that follow one path an item.
+/* shapes.cl - rays against everything in the scene.
+ *
+ * Flat shapes and spheres are met in lanes; a ray's way through a tree of triangles is its own, and
+ * is followed one lane at a time.
  */
 #include "lib/bvh.cl"
+#include "lib/lanes.cl"
+#if HAS_INSTANCES
+#include "lib/instances.cl"
+#endif
 
-/* What a path hit: distance (infinite for nothing), object, triangle of a mesh, coordinates u, v. */
+/* Rays: origin and unit direction, metres. */
 typedef struct {
-  real distance;
-  int object;
-  int triangle;
-  real u, v;
-} shape_hit_t;
+  realv ox, oy, oz, dx, dy, dz;
+} pathv;
 
-/* dot3, and the product of plane equations with points, in three components. */
-INLINE real dot3(real ax, real ay, real az, real bx, real by, real bz) {
-  return ax * bx + ay * by + az * bz;
-}
+/* What they hit: distance (infinite for nothing), object (-1), triangle of a mesh, place (u, v). */
+typedef struct {
+  realv distance;
+  intv object, triangle;
+  realv u, v;
+} shape_hitv;
 
-/* flat_hit - a parallelogram or the ellipse inscribed in it; the distance, or -1. */
-INLINE real flat_hit(constant flat_t *flat, real ox, real oy, real oz, real dx, real dy, real dz,
-                     real *u, real *v) {
-  const real along = dot3(flat->normal[0], flat->normal[1], flat->normal[2], dx, dy, dz);
-  const real height = dot3(flat->normal[0], flat->normal[1], flat->normal[2], flat->corner[0] - ox,
-                           flat->corner[1] - oy, flat->corner[2] - oz);
-  const real distance = height / along;
-  const real px = ox + distance * dx - flat->corner[0];
-  const real py = oy + distance * dy - flat->corner[1];
-  const real pz = oz + distance * dz - flat->corner[2];
-  *u = dot3(flat->axis_u[0], flat->axis_u[1], flat->axis_u[2], px, py, pz);
-  *v = dot3(flat->axis_v[0], flat->axis_v[1], flat->axis_v[2], px, py, pz);
-  int inside = *u >= 0 && *u < 1 && *v >= 0 && *v < 1;
+/* Everything that rays can hit. */
+typedef struct {
+  constant world_t *world;
+  constant flat_t *flats;
+  constant ball_t *balls;
+  global const real8 *nodes;
+  global const real8 *blocks;
+  global const int *triangle_object;
+  global const instance_t *instances;
+} shapes_t;
+
+#if HAS_FLATS
+/* flat_hit - a parallelogram or the ellipse inscribed in it; the distance where it is hit. */
+INLINE maskv flat_hit(constant flat_t *flat, const pathv *ray, realv *distance, realv *u,
+                      realv *v) {
+  realv nx = flat->normal[0], ny = flat->normal[1], nz = flat->normal[2];
+  realv x = flat->corner[0] - ray->ox, y = flat->corner[1] - ray->oy, z = flat->corner[2] - ray->oz;
+  realv d = dot3(nx, ny, nz, x, y, z) / dot3(nx, ny, nz, ray->dx, ray->dy, ray->dz);
+  realv px = mul_add(d, ray->dx, -x), py = mul_add(d, ray->dy, -y), pz = mul_add(d, ray->dz, -z);
+  *u = dot3((realv)flat->axis_u[0], (realv)flat->axis_u[1], (realv)flat->axis_u[2], px, py, pz);
+  *v = dot3((realv)flat->axis_v[0], (realv)flat->axis_v[1], (realv)flat->axis_v[2], px, py, pz);
+  *distance = d;
   if (flat->is_round) {
-    const real a = *u - R(0.5), b = *v - R(0.5);
-    inside = a * a + b * b < R(0.25);
+    realv a = *u - R(0.5), b = *v - R(0.5);
+    return mul_add(a, a, b * b) < R(0.25);
   }
-  return inside && distance > 0 ? distance : -1;
+  return (*u >= 0) & (*u < 1) & (*v >= 0) & (*v < 1);
+}
+#endif
+
+#if HAS_BALLS
+/* ball_hit - a sphere, from outside or inside; the distance beyond `least` where it is hit. */
+INLINE maskv ball_hit(constant ball_t *ball, const pathv *ray, realv least, realv *distance) {
+  realv x = ray->ox - ball->centre[0], y = ray->oy - ball->centre[1], z = ray->oz - ball->centre[2];
+  realv nearest = -dot3(x, y, z, ray->dx, ray->dy, ray->dz);
+  realv px = mul_add(nearest, ray->dx, x), py = mul_add(nearest, ray->dy, y),
+        pz = mul_add(nearest, ray->dz, z);
+  realv half2 = mul_add((realv)ball->radius, (realv)ball->radius, -dot3(px, py, pz, px, py, pz));
+  maskv met = half2 > 0;
+  realv half_chord = square_root(met ? half2 : (realv)0);
+  realv first = nearest - half_chord;
+  *distance = first > least ? first : nearest + half_chord;
+  return met;
+}
+#endif
+
+#if HAS_MESHES
+/* mesh_hit_of_lane - the nearest triangle for one lane; see first_hit. */
+INLINE void mesh_hit_of_lane(const shapes_t *shapes, real ox, real oy, real oz, real dx, real dy,
+                             real dz, real least, mesh_hit_t *found, int *object) {
+  *object = -1;
+  mesh_ray_t ray;
+#if HAS_TRIANGLES
+  mesh_ray(ox, oy, oz, dx, dy, dz, &ray);
+  closest_hit(&ray, shapes->nodes, shapes->blocks, least, found);
+  if (found->triangle >= 0) *object = shapes->triangle_object[found->triangle];
+#endif
+#if HAS_INSTANCES
+  closest_instance(shapes->world, shapes->instances, shapes->nodes, shapes->blocks, ox, oy, oz, dx,
+                   dy, dz, least, found, object);
+#endif
 }
 
-/* ball_hit - a sphere, from outside or inside; the distance, or -1. */
-INLINE real ball_hit(constant ball_t *ball, real ox, real oy, real oz, real dx, real dy, real dz) {
-  const real x = ox - ball->centre[0], y = oy - ball->centre[1], z = oz - ball->centre[2];
-  const real nearest = -dot3(x, y, z, dx, dy, dz);
-  const real px = x + nearest * dx, py = y + nearest * dy, pz = z + nearest * dz;
-  const real half2 = ball->radius * ball->radius - dot3(px, py, pz, px, py, pz);
-  if (!(half2 > 0)) return -1;
-  const real half_chord = scalar_root(half2);
-  const real first = nearest - half_chord, second = nearest + half_chord;
-  return first > 0 ? first : second;
+/* cut_by_slab - the part of rays between two planes, no shorter than it is. */
+INLINE void cut_by_slab(realv o, realv d, real low, real high, realv *enter, realv *leave) {
+  maskv is_flat = magnitude(d) < R(1e-18);
+  realv inverse = 1 / (is_flat ? (realv)R(1e-18) : d);
+  inverse = is_flat ? (realv)R(1e24) : inverse;
+  realv a = (low - o) * inverse, b = (high - o) * inverse;
+  realv slack = (magnitude(a) + magnitude(b)) * (4 * ROUNDING) + (is_flat ? (realv)R(1e15) : (realv)0);
+  *enter = larger(*enter, smaller(a, b) - slack);
+  *leave = smaller(*leave, larger(a, b) + slack);
 }
 
-/* first_hit - what a ray meets first; of two things in the same place the earlier object. */
-INLINE void first_hit(real ox, real oy, real oz, real dx, real dy, real dz,
-                      constant world_t *world, constant flat_t *flats, constant ball_t *balls,
-                      global const real8 *nodes, global const real8 *blocks,
-                      global const int *triangle_object, shape_hit_t *hit) {
-  hit->distance = INFINITY, hit->object = hit->triangle = -1, hit->u = hit->v = 0;
+/* may_meet_meshes - whether rays cross the box around all meshes between `least` and `most`.
+ *
+ * Rays that do not are spared the way down the tree.
+ */
+INLINE maskv may_meet_meshes(constant world_t *world, const pathv *ray, realv least, realv most) {
+  realv enter = least, leave = most;
+  cut_by_slab(ray->ox, ray->dx, world->meshes_low[0], world->meshes_high[0], &enter, &leave);
+  cut_by_slab(ray->oy, ray->dy, world->meshes_low[1], world->meshes_high[1], &enter, &leave);
+  cut_by_slab(ray->oz, ray->dz, world->meshes_low[2], world->meshes_high[2], &enter, &leave);
+  return enter <= leave;
+}
+
+/* meet_meshes - triangles nearer than what was hit so far. */
+INLINE void meet_meshes(const shapes_t *shapes, const pathv *ray, realv least, maskv active,
+                        shape_hitv *hit) {
+  lanesv_t at[8];
+  at[0].all = ray->ox, at[1].all = ray->oy, at[2].all = ray->oz;
+  at[3].all = ray->dx, at[4].all = ray->dy, at[5].all = ray->dz;
+  realv most = hit->distance * COINCIDENT;
+  active = active & may_meet_meshes(shapes->world, ray, least, most);
+  if (!any_lane(active)) return;
+  at[6].all = least, at[7].all = active ? most : (realv)-1;
+  for (int i = 0; i < WIDTH; ++i) {
+    if (!(at[7].lane[i] > 0)) continue;
+    mesh_hit_t found = {at[7].lane[i], -1, 0, 0};
+    int object;
+    mesh_hit_of_lane(shapes, at[0].lane[i], at[1].lane[i], at[2].lane[i], at[3].lane[i],
+                     at[4].lane[i], at[5].lane[i], at[6].lane[i], &found, &object);
+    if (object < 0) continue;
+    LANE(hit->distance, i) = found.distance;
+    LANE(hit->object, i) = object;
+    LANE(hit->triangle, i) = found.triangle;
+    LANE(hit->u, i) = found.u;
+    LANE(hit->v, i) = found.v;
+  }
+}
+#endif
+
+/* first_hit - what rays meet first beyond `least`; of two things in one place the earlier object. */
+INLINE void first_hit(const shapes_t *shapes, const pathv *ray, realv least, maskv active,
+                      shape_hitv *hit) {
+  hit->distance = (realv)INFINITY;
+  hit->object = hit->triangle = (intv)(-1);
+  hit->u = hit->v = (realv)0;
+  realv distance;
 #if HAS_FLATS
-  for (int i = 0; i < world->n_flats; ++i) {
-    real u, v;
-    const real distance = flat_hit(flats + i, ox, oy, oz, dx, dy, dz, &u, &v);
-    if (distance > 0 && distance < hit->distance * COINCIDENT)
-      hit->distance = distance, hit->object = flats[i].object, hit->u = u, hit->v = v;
+  for (int i = 0; i < shapes->world->n_flats; ++i) {
+    realv u, v;
+    maskv here = flat_hit(shapes->flats + i, ray, &distance, &u, &v);
+    here = here & (distance > least) & (distance < hit->distance * COINCIDENT);
+    hit->distance = here ? distance : hit->distance;
+    hit->object = select_int(here, (intv)shapes->flats[i].object, hit->object);
+    hit->u = here ? u : hit->u;
+    hit->v = here ? v : hit->v;
   }
 #endif
 #if HAS_BALLS
-  for (int i = 0; i < world->n_balls; ++i) {
-    const real distance = ball_hit(balls + i, ox, oy, oz, dx, dy, dz);
-    if (distance > 0 && distance < hit->distance * COINCIDENT)
-      hit->distance = distance, hit->object = balls[i].object;
+  for (int i = 0; i < shapes->world->n_balls; ++i) {
+    maskv here = ball_hit(shapes->balls + i, ray, least, &distance);
+    here = here & (distance > least) & (distance < hit->distance * COINCIDENT);
+    hit->distance = here ? distance : hit->distance;
+    hit->object = select_int(here, (intv)shapes->balls[i].object, hit->object);
   }
 #endif
+  hit->object = select_int(active, hit->object, (intv)(-1));
 #if HAS_MESHES
-  mesh_ray_t ray;
-  mesh_ray(ox, oy, oz, dx, dy, dz, &ray);
-  mesh_hit_t found = {hit->distance * COINCIDENT, -1, 0, 0};
-  closest_hit(&ray, nodes, blocks, 0, &found);
-  if (found.triangle >= 0) {
-    hit->distance = found.distance;
-    hit->object = triangle_object[found.triangle];
-    hit->triangle = found.triangle;
-    hit->u = found.u;
-    hit->v = found.v;
-  }
+  meet_meshes(shapes, ray, least, active, hit);
 #endif
 }
 
-/* is_hidden - whether anything lies on a ray before `most`. */
-INLINE int is_hidden(real ox, real oy, real oz, real dx, real dy, real dz, real most,
-                     constant world_t *world, constant flat_t *flats, constant ball_t *balls,
-                     global const real8 *nodes, global const real8 *blocks) {
+/* is_hidden - whether anything lies on rays before `most`. */
+INLINE maskv is_hidden(const shapes_t *shapes, const pathv *ray, realv most, maskv active) {
+  realv distance;
+  maskv hidden = !active;
 #if HAS_FLATS
-  for (int i = 0; i < world->n_flats; ++i) {
-    real u, v;
-    const real distance = flat_hit(flats + i, ox, oy, oz, dx, dy, dz, &u, &v);
-    if (distance > 0 && distance < most) return 1;
+  for (int i = 0; i < shapes->world->n_flats; ++i) {
+    realv u, v;
+    maskv here = flat_hit(shapes->flats + i, ray, &distance, &u, &v);
+    hidden = hidden | (here & (distance > 0) & (distance < most));
   }
 #endif
 #if HAS_BALLS
-  for (int i = 0; i < world->n_balls; ++i) {
-    const real distance = ball_hit(balls + i, ox, oy, oz, dx, dy, dz);
-    if (distance > 0 && distance < most) return 1;
+  for (int i = 0; i < shapes->world->n_balls; ++i) {
+    maskv here = ball_hit(shapes->balls + i, ray, (realv)0, &distance);
+    hidden = hidden | (here & (distance > 0) & (distance < most));
   }
 #endif
 #if HAS_MESHES
-  mesh_ray_t ray;
-  mesh_ray(ox, oy, oz, dx, dy, dz, &ray);
-  if (any_hit(&ray, nodes, blocks, 0, most)) return 1;
+  lanesv_t at[7];
+  at[0].all = ray->ox, at[1].all = ray->oy, at[2].all = ray->oz;
+  at[3].all = ray->dx, at[4].all = ray->dy, at[5].all = ray->dz;
+  at[6].all = !hidden & may_meet_meshes(shapes->world, ray, (realv)0, most) ? most : (realv)-1;
+  if (!any_lane(at[6].all > 0)) return hidden;
+  for (int i = 0; i < WIDTH; ++i) {
+    if (!(at[6].lane[i] > 0)) continue;
+    int is_met = 0;
+    mesh_ray_t one;
+#if HAS_TRIANGLES
+    mesh_ray(at[0].lane[i], at[1].lane[i], at[2].lane[i], at[3].lane[i], at[4].lane[i],
+             at[5].lane[i], &one);
+    is_met = any_hit(&one, shapes->nodes, shapes->blocks, 0, at[6].lane[i]);
 #endif
-  return 0;
+#if HAS_INSTANCES
+    if (!is_met)
+      is_met = any_instance(shapes->world, shapes->instances, shapes->nodes, shapes->blocks,
+                            at[0].lane[i], at[1].lane[i], at[2].lane[i], at[3].lane[i],
+                            at[4].lane[i], at[5].lane[i], at[6].lane[i]);
+#endif
+    at[6].lane[i] = is_met ? -2 : at[6].lane[i];
+  }
+  hidden = hidden | (at[6].all == -2);
+#endif
+  return hidden;
 }

@@ -1,8 +1,4 @@
-"""Procedural scenes: `isetcl.scenes`.
-
-All stand in front of the eye, which sits at the origin and looks along -z. Sizes are in metres,
-angles in degrees; luminances are those of the white parts.
-"""
+"""Planes that face the eye: uniform, textured, with pictures, one or two of them."""
 
 from __future__ import annotations
 
@@ -16,14 +12,12 @@ from isetcl.errors import (
     check_between,
     check_choice,
     check_finite,
-    check_number,
-    check_pair,
     check_positive,
     check_type,
 )
 from isetcl.scene.display import display_primaries
 from isetcl.scene.material import Emission
-from isetcl.scene.model import Disc, Quad, Scene, SceneObject
+from isetcl.scene.model import Quad, Scene, SceneObject
 from isetcl.scene.texture import Checkerboard, Image, Texture
 from isetcl.spectrum import Spectrum
 
@@ -33,7 +27,7 @@ FIGURE_12_CHECK_M = 10.0 / 1024.0
 """Side of a check in the paper's Figure 12: 1024 fields across a plane of 10 m (ISET3d,
 slantedBarTexture)."""
 
-_WIDE_DEG = 80.0
+WIDE_DEG = 80.0
 
 
 def uniform(luminance_cd_m2: float = 100.0, spectrum: Spectrum | None = None) -> Scene:
@@ -46,86 +40,6 @@ def uniform(luminance_cd_m2: float = 100.0, spectrum: Spectrum | None = None) ->
     """
     light = Spectrum.equal_energy(luminance_cd_m2) if spectrum is None else spectrum
     return Scene((), light, "uniform")
-
-
-def point_source(
-    distance_m: float = math.inf,
-    field_deg: tuple[float, float] = (0.0, 0.0),
-    *,
-    diameter_arcmin: float = 1.0,
-    luminance_cd_m2: float = 1e6,
-) -> Scene:
-    """A small bright disc on black, facing the eye.
-
-    Parameters
-    ----------
-    distance_m
-        Distance from the corneal vertex; infinity is placed at 1e6 m, where its vergence is 1e-6
-        dpt.
-    field_deg
-        Direction (x, y), polar field angles.
-    diameter_arcmin
-        Angular diameter.
-
-    Raises
-    ------
-    InvalidInputError
-        If a number breaks its rule, or the direction lies 90 degrees or more off the axis.
-    """
-    from isetcl.eye.field import direction_from_field
-
-    is_far = check_number("distance_m", distance_m) == math.inf
-    distance = 1e6 if is_far else check_positive("distance_m", distance_m, "m")
-    check_between("diameter_arcmin", diameter_arcmin, 1e-3, 600.0, "arcmin")
-    x, y = check_pair("field_deg", field_deg, "deg")
-    if math.hypot(x, y) >= 90.0:
-        raise InvalidInputError(
-            f"field_deg must lie less than 90 deg off the axis, in front of the eye, got ({x:g}, "
-            f"{y:g})"
-        )
-    direction = direction_from_field(np.float64(x), np.float64(y))
-    radius = distance * math.tan(math.radians(diameter_arcmin / 120.0))
-    disc = Disc(tuple(distance * direction), radius, tuple(-direction))
-    light = Emission(Spectrum.equal_energy(luminance_cd_m2))
-    return Scene((SceneObject("point", disc, light),), None, "point source")
-
-
-def slanted_edge(
-    distance_m: float = 1.0,
-    angle_deg: float = 5.0,
-    *,
-    luminance_cd_m2: float = 100.0,
-    contrast: float = 0.98,
-) -> Scene:
-    """A plane, bright left of a straight edge through the axis and dark right of it.
-
-    Parameters
-    ----------
-    distance_m
-        Distance of the plane from the corneal vertex.
-    angle_deg
-        Tilt of the edge from the vertical, anticlockwise.
-    contrast
-        Michelson contrast of the two sides, 0 to 1.
-
-    Raises
-    ------
-    InvalidInputError
-        If a number breaks its rule.
-    """
-    distance = check_positive("distance_m", distance_m, "m")
-    check_between("contrast", contrast, 0.0, 1.0)
-    white = Spectrum.equal_energy(luminance_cd_m2)
-    dark = white.scaled((1.0 - contrast) / (1.0 + contrast))
-    reach = 2.0 * distance * math.tan(math.radians(_WIDE_DEG))
-    return Scene(
-        (
-            SceneObject("bright side", _half_plane(distance, angle_deg, reach), Emission(white)),
-            SceneObject("dark side", _facing_quad(distance, reach, reach), Emission(dark)),
-        ),
-        None,
-        "slanted edge",
-    )
 
 
 def two_planes(
@@ -164,11 +78,11 @@ def two_planes(
     InvalidInputError
         If the near plane is not nearer than the far one, or a number breaks its rule.
     """
-    distances = _near_and_far(near_m, far_m)
+    distances = near_and_far(near_m, far_m)
     check_choice("texture", texture, ("checkerboard", "uniform"))
     check_positive("check_m", check_m, "m")
     white = Spectrum.equal_energy(luminance_cd_m2)
-    sizes = [2.0 * d * math.tan(math.radians(_WIDE_DEG)) for d in distances]
+    sizes = [2.0 * d * math.tan(math.radians(WIDE_DEG)) for d in distances]
     # A whole number of checks, so that the near edge is the edge of a check.
     sizes = [2.0 * check_m * math.ceil(size / (2.0 * check_m)) for size in sizes]
 
@@ -179,8 +93,8 @@ def two_planes(
         board: Texture = Checkerboard(periods, periods, 1.0, dark)
         return Emission(white, board)
 
-    near_quad = _half_plane(distances[0], edge_angle_deg, sizes[0])
-    far_quad = _facing_quad(distances[1], sizes[1], sizes[1], edge_angle_deg)
+    near_quad = half_plane(distances[0], edge_angle_deg, sizes[0])
+    far_quad = facing_quad(distances[1], sizes[1], sizes[1], edge_angle_deg)
     return Scene(
         (
             SceneObject("near plane", near_quad, pattern(sizes[0], dark) if near is None else near),
@@ -218,7 +132,7 @@ def image_plane(
         2.0 * distance * math.tan(math.radians(check_between("width_deg", width_deg, 0, 170) / 2))
     )
     rows, columns = image.shape
-    quad = _facing_quad(distance, width, width * rows / columns)
+    quad = facing_quad(distance, width, width * rows / columns)
     material = picture(image, luminance_cd_m2)
     return Scene((SceneObject(image.name, quad, material),), None, f"image plane {image.name}")
 
@@ -255,7 +169,7 @@ def image_planes(
         If the near plane is not nearer than the far one, a number breaks its rule, or a picture is
         too narrow to be cut.
     """
-    distances = _near_and_far(near_m, far_m)
+    distances = near_and_far(near_m, far_m)
     check_type("near_image", near_image, Image)
     check_type("far_image", far_image, Image)
     # A little more than the field: blur looks beyond its edges.
@@ -265,7 +179,7 @@ def image_planes(
     near_quad = Quad(
         (-near_width, -near_height / 2, -distances[0]), (near_width, 0, 0), (0, near_height, 0)
     )
-    far_quad = _facing_quad(distances[1], far_height, far_height)
+    far_quad = facing_quad(distances[1], far_height, far_height)
     white = "D65" if 3 in (near_image.channels, far_image.channels) else "E"
     near_part, far_part = (
         picture(image.cropped(proportion), luminance_cd_m2, white)
@@ -297,7 +211,8 @@ def picture(image: Image, luminance_cd_m2: float = 100.0, white: str = "E") -> E
     return Emission(display_primaries(luminance_cd_m2), image)
 
 
-def _near_and_far(near_m: float, far_m: float) -> tuple[float, float]:
+def near_and_far(near_m: float, far_m: float) -> tuple[float, float]:
+    """Two checked distances in order of depth."""
     near, far = check_positive("near_m", near_m, "m"), check_positive("far_m", far_m, "m")
     if not near < far:
         raise InvalidInputError(
@@ -306,22 +221,23 @@ def _near_and_far(near_m: float, far_m: float) -> tuple[float, float]:
     return near, far
 
 
-def _facing_quad(distance_m: float, width_m: float, height_m: float, turn_deg: float = 0.0) -> Quad:
+def facing_quad(distance_m: float, width_m: float, height_m: float, turn_deg: float = 0.0) -> Quad:
     """A rectangle facing the eye, centred on the axis, turned about it."""
-    right, up = _turned_axes(turn_deg)
+    right, up = turned_axes(turn_deg)
     centre = np.array([0.0, 0.0, -distance_m])
     corner = centre - width_m / 2.0 * right - height_m / 2.0 * up
     return Quad(tuple(corner), tuple(width_m * right), tuple(height_m * up))
 
 
-def _half_plane(distance_m: float, turn_deg: float, size_m: float) -> Quad:
+def half_plane(distance_m: float, turn_deg: float, size_m: float) -> Quad:
     """A square facing the eye whose right edge crosses the axis, turned about the axis."""
-    right, up = _turned_axes(turn_deg)
+    right, up = turned_axes(turn_deg)
     corner = np.array([0.0, 0.0, -distance_m]) - size_m * right - size_m / 2.0 * up
     return Quad(tuple(corner), tuple(size_m * right), tuple(size_m * up))
 
 
-def _turned_axes(turn_deg: float) -> tuple[np.ndarray, np.ndarray]:
+def turned_axes(turn_deg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Unit vectors right and up after a turn about the axis, anticlockwise."""
     turn = math.radians(check_finite("angle of the edge", turn_deg, "deg"))
     return (
         np.array([math.cos(turn), math.sin(turn), 0.0]),

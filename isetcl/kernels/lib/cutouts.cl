@@ -1,0 +1,76 @@
+/* cutouts.cl - surfaces that let some light pass as if they were not there.
+ */
+#include "lib/lights.cl"
+#include "lib/sobol.cl"
+
+/* opacity_at - opacity of what rays hit, and whether it adds light without hiding any. */
+INLINE realv opacity_at(const shapes_t *shapes, const triangles_t *triangles,
+                        const looks_t *looks, const pathv *ray, const shape_hitv *hit,
+                        maskv *is_additive) {
+  realv opacity = 1;
+  maskv additive = ray->ox != ray->ox;
+  intv left = hit->object;
+  for (;;) {
+    maskv here;
+    const int number = next_number(&left, &here);
+    if (number < 0) break;
+    global const object_t *object = looks->objects + number;
+    additive = additive | (here & mask_from_int((intv)(object->is_additive ? -1 : 0)));
+    realv value = (realv)object->opacity;
+    if (object->opacity_texture >= 0) {
+      pointv point;
+      meet(shapes, triangles, object, ray, hit, here, &point);
+      value = grey_weight(looks->textures + object->opacity_texture, looks->texels, point.u,
+                          point.v);
+    }
+    opacity = here ? value : opacity;
+  }
+  *is_additive = additive;
+  return opacity;
+}
+
+/* hash_of_real - bits made of a number. */
+INLINE uintv hash_of_real(realv x) {
+#if DOUBLE_PRECISION
+#if WIDTH == 1
+  return as_uint((float)x);
+#else
+  return __builtin_astype(__builtin_convertvector(x, floatv), uintv);
+#endif
+#elif WIDTH == 1
+  return as_uint(x);
+#else
+  return __builtin_astype(x, uintv);
+#endif
+}
+
+/* passing_number - a number in [0, 1) for a ray at a distance, the same wherever it is asked.
+ *
+ * Surfaces that are passed by chance need a number of their own for every ray and every surface.
+ */
+INLINE realv passing_number(const pathv *ray, realv distance, uint stream) {
+  uintv bits = mix_bits(hash_of_real(ray->dx) + stream);
+  bits = mix_bits(bits ^ hash_of_real(ray->dy));
+  bits = mix_bits(bits ^ hash_of_real(ray->ox));
+  bits = mix_bits(bits ^ hash_of_real(ray->oy));
+  bits = mix_bits(bits ^ hash_of_real(distance));
+  return unit_real(bits);
+}
+
+/* visible_share - the share of light that reaches the end of rays through cut-out surfaces. */
+INLINE realv visible_share(const shapes_t *shapes, const triangles_t *triangles,
+                           const looks_t *looks, const pathv *ray, realv most, maskv active) {
+  realv share = active ? (realv)1 : (realv)0, least = 0;
+  for (int pass = 0; pass < MOST_PASSES; ++pass) {
+    shape_hitv hit;
+    first_hit(shapes, ray, least, active, &hit);
+    active = active & (hit.distance < most) & (share > 0);
+    if (!any_lane(active)) break;
+    hit.object = select_int(active, hit.object, (intv)(-1));
+    maskv is_additive;
+    realv opacity = opacity_at(shapes, triangles, looks, ray, &hit, &is_additive);
+    share *= active & !is_additive ? 1 - opacity : (realv)1;
+    least = mul_add(hit.distance, (realv)(1 + 16 * ROUNDING), (realv)R(1e-12));
+  }
+  return active ? (realv)0 : share;
+}

@@ -1,0 +1,155 @@
+/* texture.cl - weights of textures, and spectra weighted by them.
+ */
+#include "lib/lanes.cl"
+
+/* bandv - where the four wavelengths of every lane begin in the rows of the table of spectra.
+ *
+ * is_same   whether all lanes have the same, so that values are read once
+ */
+typedef struct {
+  intv first, number;
+  int is_same;
+} bandv;
+
+/* spectrum4 - the four wavelengths of a row of the table of spectra. */
+INLINE void spectrum4(global const real *spectra, int n_columns, int row, const bandv *band,
+                      colourv *value) {
+  global const real *at = spectra + (size_t)row * n_columns;
+  if (band->is_same) {
+    at += LANE(band->first, 0);
+    for (int k = 0; k < 4; ++k) value->w[k] = (realv)at[k];
+    return;
+  }
+#pragma unroll
+  for (int i = 0; i < WIDTH; ++i) {
+    global const real *of_lane = at + LANE(band->first, i);
+    for (int k = 0; k < 4; ++k) LANE(value->w[k], i) = of_lane[k];
+  }
+}
+
+/* band_value - the value of each lane's band in a row that holds one value a band. */
+INLINE realv band_value(global const real *spectra, int n_columns, int row, const bandv *band) {
+  global const real *at = spectra + (size_t)row * n_columns;
+  if (band->is_same) return (realv)at[LANE(band->number, 0)];
+  realv value;
+#pragma unroll
+  for (int i = 0; i < WIDTH; ++i) LANE(value, i) = at[LANE(band->number, i)];
+  return value;
+}
+
+#if HAS_PICTURES
+/* The four texels around a place in a picture, and how near it lies to them. */
+typedef struct {
+  intv left_top, right_top, left_low, right_low;
+  realv right, low;
+} texelsv;
+
+/* wrap_index - an index brought into 0 ... n - 1, by repeating or by stopping at the border. */
+INLINE intv wrap_index(intv i, int n, int repeats) {
+  if (!repeats) return i < 0 ? (intv)0 : i > n - 1 ? (intv)(n - 1) : i;
+  intv rest = i - whole(real_from_int(i) * (R(1.0) / (real)n)) * n;
+  rest = rest < 0 ? rest + n : rest;
+  rest = rest >= n ? rest - n : rest;
+  return rest < 0 ? (intv)0 : rest >= n ? (intv)(n - 1) : rest;
+}
+
+/* find_texels - the texels around (u, v), bilinear between their centres. */
+INLINE void find_texels(global const texture_t *texture, realv u, realv v, texelsv *texels) {
+  const int width = texture->width, height = texture->height;
+  realv x = mul_add(mul_add(u, (realv)texture->periods_u, (realv)texture->offset_u), (realv)width,
+                    (realv)R(-0.5));
+  realv y = mul_add(1 - mul_add(v, (realv)texture->periods_v, (realv)texture->offset_v),
+                    (realv)height, (realv)R(-0.5));
+  if (!texture->repeats) {
+    x = smaller(larger(x, (realv)0), (realv)(width - 1));
+    y = smaller(larger(y, (realv)0), (realv)(height - 1));
+  }
+  intv column = whole(x), row = whole(y);
+  texels->right = x - real_from_int(column);
+  texels->low = y - real_from_int(row);
+  intv left = wrap_index(column, width, texture->repeats);
+  intv right = wrap_index(column + 1, width, texture->repeats);
+  intv top = wrap_index(row, height, texture->repeats) * width + texture->first;
+  intv low = wrap_index(row + 1, height, texture->repeats) * width + texture->first;
+  texels->left_top = top + left, texels->right_top = top + right;
+  texels->left_low = low + left, texels->right_low = low + right;
+}
+
+INLINE realv one_texel(global const float *texels, intv at, int channel, int plane) {
+  realv value;
+  const int offset = channel * plane;
+#pragma unroll
+  for (int i = 0; i < WIDTH; ++i) LANE(value, i) = texels[LANE(at, i) + offset];
+  return value;
+}
+
+/* picture_weight - a channel of a picture; channels lie in planes, one after the other. */
+INLINE realv picture_weight(global const texture_t *texture, global const float *texels,
+                            const texelsv *at, int channel) {
+  const int plane = texture->width * texture->height;
+  realv a = one_texel(texels, at->left_top, channel, plane);
+  realv b = one_texel(texels, at->right_top, channel, plane);
+  realv c = one_texel(texels, at->left_low, channel, plane);
+  realv d = one_texel(texels, at->right_low, channel, plane);
+  realv upper = mul_add(at->right, b - a, a), lower = mul_add(at->right, d - c, c);
+  return mul_add(at->low, lower - upper, upper);
+}
+#endif
+
+/* pattern_weight - the weight of a checkerboard or a grid of lines. */
+INLINE realv pattern_weight(global const texture_t *texture, realv u, realv v) {
+  realv a = u * texture->periods_u, b = v * texture->periods_v;
+#if HAS_GRIDS
+  if (texture->kind == TEXTURE_GRID) {
+    const real half = texture->line_width / 2;
+    a += half, b += half;
+    a -= real_from_int(whole(a)), b -= real_from_int(whole(b));
+    return (a < texture->line_width) | (b < texture->line_width) ? (realv)texture->bright
+                                                                 : (realv)texture->dark;
+  }
+#endif
+  intv parity = whole(a) + whole(b);
+  return mask_from_int((parity & 1) != 0) ? (realv)texture->dark : (realv)texture->bright;
+}
+
+/* grey_weight - the weight of a texture of one channel. */
+INLINE realv grey_weight(global const texture_t *texture, global const float *texels, realv u,
+                         realv v) {
+#if HAS_PICTURES
+  if (texture->kind == TEXTURE_IMAGE) {
+    texelsv at;
+    find_texels(texture, u, v, &at);
+    return picture_weight(texture, texels, &at, 0);
+  }
+#endif
+  return pattern_weight(texture, u, v);
+}
+
+/* textured4 - a spectrum, or one a channel, weighted by a texture: radiance or reflectance.
+ *
+ * number   of the texture, -1 for none
+ */
+INLINE void textured4(global const texture_t *textures, int number, global const float *texels,
+                      global const real *spectra, int n_columns, int row, const bandv *band,
+                      realv u, realv v, colourv *value) {
+  spectrum4(spectra, n_columns, row, band, value);
+  if (number < 0) return;
+  global const texture_t *texture = textures + number;
+#if HAS_PICTURES
+  if (texture->kind == TEXTURE_IMAGE) {
+    texelsv at;
+    find_texels(texture, u, v, &at);
+    realv weight = picture_weight(texture, texels, &at, 0);
+    for (int k = 0; k < 4; ++k) value->w[k] *= weight;
+    for (int c = 1; c < texture->channels; ++c) {
+      colourv more;
+      spectrum4(spectra, n_columns, row + c, band, &more);
+      weight = picture_weight(texture, texels, &at, c);
+      for (int k = 0; k < 4; ++k) value->w[k] = mul_add(weight, more.w[k], value->w[k]);
+    }
+    return;
+  }
+#endif
+  realv weight = pattern_weight(texture, u, v);
+  for (int k = 0; k < 4; ++k) value->w[k] *= weight;
+}
