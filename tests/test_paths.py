@@ -331,3 +331,38 @@ def test_a_moved_mesh_keeps_its_normals_upright():
     moved = mesh.moved(matrix)
     np.testing.assert_allclose(moved.vertices_m[:, 2], moved.vertices_m[:, 0])
     np.testing.assert_allclose(moved.normals, np.tile([-1, 0, 1], (4, 1)) / np.sqrt(2))
+
+
+def test_a_light_field_sends_each_direction_its_view(precision):
+    """A quad at 1 m whose views grow along u: at x it is seen along slope -x, so it darkens with x."""
+    ramp = np.arange(9.0).reshape(1, 1, 1, 9)
+    field = ic.LightField(ramp, (20.0, 20.0))
+    quad = ic.Quad((-0.1, -0.1, -1.0), (0.2, 0, 0), (0, 0.2, 0))
+    scene = ic.Scene((ic.SceneObject("display", quad, ic.Emission(UNIT, field)),))
+    where = {"fov_deg": 8.0, "resolution": 16, "spp": 64, "precision": precision, **ONE}
+    image = ic.render(scene, EYE, **where)
+    even = ic.render(ic.scenes.uniform(spectrum=UNIT), EYE, **where)
+    found = (image.irradiance / even.irradiance).values[0].mean(axis=0)
+    x = np.tan(np.radians(image.irradiance.x.values))
+    expected = (-x / np.tan(np.radians(10.0)) + 1) / 2 * 9 - 0.5
+    # Angles are polar from the axis and the pupil lies 3 mm behind the cornea: 0.3 % of the slope.
+    np.testing.assert_allclose(found, expected, atol=0.04)
+    assert expected[0] - expected[-1] > 3.0
+
+
+def test_a_light_field_is_dark_from_behind_and_lights_a_wall():
+    """Views alike: it shines as an even front does; on a wall too, within 3 standard errors."""
+    even_views = ic.LightField(np.ones((2, 2, 3, 3)), (178.0, 178.0))
+    lamp = ic.Quad((-0.2, 0.4, -0.9), (0.4, 0, 0), (0, 0, 0.4))
+    found = {}
+    for name, texture in (("views", even_views), ("even", None)):
+        emission = ic.Emission(UNIT.scaled(50.0), texture, sides="front")
+        turned = ic.Quad((-0.2, 0.4, -0.5), (0.4, 0, 0), (0, 0, -0.4))
+        for side, quad in (("up", lamp), ("down", turned)):
+            scene = lit_wall(ic.SceneObject("lamp", quad, emission))
+            found[name, side] = radiance_of(scene, max_bounces=1)
+    lit = "down" if found["even", "down"][0] > found["even", "up"][0] else "up"
+    dark = "up" if lit == "down" else "down"
+    assert found["views", dark][0] == found["even", dark][0] == 0.0
+    a, b = found["views", lit], found["even", lit]
+    assert a[0] == pytest.approx(b[0], abs=4 * np.hypot(a[1], b[1]) + 1e-3 * b[0])

@@ -119,7 +119,7 @@ class PathConfig:
         Shapes in the scene; triangles in place, and those of instanced meshes.
     has_normals, has_uv
         Whether any mesh has shading normals or texture coordinates.
-    has_pictures, has_grids
+    has_pictures, has_grids, has_light_fields
         Textures on any shape.
     has_reflection, has_lights
         Surfaces that scatter, and lights with a place that they can be lit by.
@@ -152,6 +152,7 @@ class PathConfig:
     has_uv: bool = True
     has_pictures: bool = True
     has_grids: bool = True
+    has_light_fields: bool = True
     has_reflection: bool = True
     has_lights: bool = True
     has_translucent: bool = True
@@ -202,6 +203,7 @@ class PathConfig:
             "HAS_UV": int(self.has_uv),
             "HAS_PICTURES": int(self.has_pictures),
             "HAS_GRIDS": int(self.has_grids),
+            "HAS_LIGHT_FIELDS": int(self.has_light_fields),
             "HAS_REFLECTION": int(self.has_reflection),
             "HAS_LIGHTS": int(self.has_lights),
             "HAS_TRANSLUCENT": int(self.has_translucent),

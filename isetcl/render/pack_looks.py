@@ -9,6 +9,7 @@ import numpy as np
 from isetcl.device.layout import Member, Precision, Struct, real_dtype
 from isetcl.eye.media import Medium
 from isetcl.retina.bands import Band
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Coated, Diffuse, Material, Mix, TwoSided
 from isetcl.scene.specular import Conductor, Dielectric, Level, Mirror
 from isetcl.scene.texture import TEXTURES, Checkerboard, Grid, Image, Texture
@@ -21,6 +22,7 @@ class TextureKind(IntEnum):
     CHECKERBOARD = 0
     GRID = 1
     IMAGE = 2
+    LIGHT_FIELD = 3
 
 
 class SubstanceKind(IntEnum):
@@ -44,6 +46,8 @@ TEXTURE = Struct(
         Member("width", "int"),
         Member("height", "int"),
         Member("repeats", "int"),
+        Member("views_x", "int"),
+        Member("views_y", "int"),
         Member("periods_u"),
         Member("periods_v"),
         Member("offset_u"),
@@ -139,6 +143,23 @@ class Looks:
         if isinstance(level, TEXTURES):
             return 0.0, self.texture(level)
         return float(level), -1
+
+    def light_field(self, field: LightField, edge_u_m: float, edge_v_m: float) -> int:
+        """The number of a light field on a quad with edges of given lengths.
+
+        Its slopes are in units of the outermost; the kernels measure directions along u and v in
+        edges.
+        """
+        record = np.zeros(1, dtype=TEXTURE.dtype(self._precision))
+        record["kind"], record["channels"] = TextureKind.LIGHT_FIELD, field.channels
+        record["height"], record["width"] = field.shape
+        record["views_y"], record["views_x"] = field.views
+        record["periods_u"] = edge_u_m / field.slopes[0]
+        record["periods_v"] = edge_v_m / field.slopes[1]
+        texels = field.texels.reshape(*field.shape, *field.views, field.channels)
+        record["first"] = self.table(np.moveaxis(texels, 4, 0))
+        self.textures.append(record)
+        return len(self.textures) - 1
 
     def texture(self, texture: Texture | None) -> int:
         """The number of a texture; -1 for none."""

@@ -12,9 +12,10 @@ from isetcl.render.pack_lights import LIGHT, LightKind, pack_lights
 from isetcl.render.pack_looks import SUBSTANCE, TEXTURE, Looks, SubstanceKind, TextureKind
 from isetcl.retina.bands import Band
 from isetcl.scene.light import Environment
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Emission
 from isetcl.scene.mesh import Instance, Mesh
-from isetcl.scene.model import Disc, Scene, SceneObject, Sphere
+from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
 from isetcl.scene.texture import Image
 from isetcl.scene.view import plane_axes
 
@@ -265,7 +266,14 @@ class _Packer:
         emitted = item.emitted
         if emitted is not None:
             record["emission"] = looks.rows(emitted.spectra())
-            record["emission_texture"] = looks.texture(emitted.texture)
+            if isinstance(emitted.texture, LightField):
+                assert isinstance(item.shape, Quad), "light fields are shown by quads"
+                edges = (np.linalg.norm(e) for e in (item.shape.edge_u_m, item.shape.edge_v_m))
+                record["emission_texture"] = looks.light_field(
+                    emitted.texture, *(float(edge) for edge in edges)
+                )
+            else:
+                record["emission_texture"] = looks.texture(emitted.texture)
             one_sided = isinstance(emitted, Emission) and emitted.sides == "front"
             record["shines_behind"] = not one_sided
             record["is_additive"] = isinstance(emitted, Emission) and emitted.is_additive

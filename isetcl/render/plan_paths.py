@@ -12,6 +12,7 @@ from isetcl.eye.field import direction_from_field
 from isetcl.render.decision import Decision, left_out
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.light import Environment, SpotLight, light_spectrum
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Coated, Diffuse, Emission, Material, Mix, TwoSided
 from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Scene, SceneObject, Sphere
@@ -234,6 +235,11 @@ def _is_additive(item: SceneObject) -> bool:
     return isinstance(item.material, Emission) and item.material.is_additive
 
 
+def _light_fields(scene: Scene) -> int:
+    emitted = [item.emitted for item in scene.objects]
+    return sum(e is not None and isinstance(e.texture, LightField) for e in emitted)
+
+
 def _texture_counts(scene: Scene) -> dict[str, tuple[str, int]]:
     textures = [texture for item in scene.objects for texture in textures_of(item)]
     if isinstance(scene.background, Environment) and scene.background.texture is not None:
@@ -247,6 +253,7 @@ def _texture_counts(scene: Scene) -> dict[str, tuple[str, int]]:
     return {
         "has_pictures": ("images", sum(isinstance(texture, Image) for texture in textures)),
         "has_grids": ("grids of lines", sum(isinstance(texture, Grid) for texture in textures)),
+        "has_light_fields": ("light fields", _light_fields(scene)),
         "has_cutouts": ("cut-out surfaces", cutouts),
         "has_additive": ("surfaces that add light", additive),
     }

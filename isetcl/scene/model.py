@@ -15,6 +15,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_positive, check_type
 from isetcl.scene.light import LIGHTS, Environment, Light
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import EMITTING, SCATTERING, Emission, Material, UnlitReflectance
 from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.specular import Level, check_level, level_digest
@@ -126,6 +127,7 @@ class SceneObject:
         check_type(f"object {self.name!r}: shape", self.shape, SHAPES)
         check_type(f"object {self.name!r}: material", self.material, EMITTING + SCATTERING)
         check_level(f"object {self.name!r}: opacity", self.opacity)
+        self._check_light_field()
         if self.emission is None:
             return
         check_type(f"object {self.name!r}: emission", self.emission, Emission)
@@ -138,6 +140,16 @@ class SceneObject:
             raise InvalidInputError(
                 f"object {self.name!r}: an additive emission lets light pass and cannot scatter "
                 "it; make it the material"
+            )
+
+    def _check_light_field(self) -> None:
+        emitted = self.material if isinstance(self.material, EMITTING) else self.emission
+        if isinstance(emitted, Emission) and isinstance(emitted.texture, LightField):
+            check_type(
+                f"object {self.name!r}: shape of a light field",
+                self.shape,
+                Quad,
+                "light fields know directions along the edges of a Quad",
             )
 
     @property

@@ -16,9 +16,28 @@ typedef struct {
   int n_columns;
 } looks_t;
 
-/* emitted4 - the radiance of an object at (u, v). */
-INLINE void emitted4(const looks_t *looks, global const object_t *object, const bandv *band,
-                     realv u, realv v, colourv *value) {
+/* emitted4 - the radiance of an object at (u, v) into unit directions. */
+INLINE void emitted4(const shapes_t *shapes, const looks_t *looks, global const object_t *object,
+                     const bandv *band, realv u, realv v, realv dx, realv dy, realv dz,
+                     colourv *value) {
+#if HAS_LIGHT_FIELDS
+  if (object->emission_texture >= 0 &&
+      looks->textures[object->emission_texture].kind == TEXTURE_LIGHT_FIELD) {
+    global const texture_t *texture = looks->textures + object->emission_texture;
+    constant flat_t *flat = shapes->flats + object->first;
+    realv ahead = dot3((realv)flat->normal[0], (realv)flat->normal[1], (realv)flat->normal[2], dx,
+                       dy, dz);
+    realv x = dot3((realv)flat->axis_u[0], (realv)flat->axis_u[1], (realv)flat->axis_u[2], dx, dy,
+                   dz);
+    realv y = dot3((realv)flat->axis_v[0], (realv)flat->axis_v[1], (realv)flat->axis_v[2], dx, dy,
+                   dz);
+    /* Behind the surface there is no light. */
+    realv inverse = ahead > 0 ? 1 / ahead : (realv)R(1e30);
+    light_field4(texture, looks->texels, looks->spectra, looks->n_columns, object->emission, band,
+                 u, v, x * inverse * texture->periods_u, y * inverse * texture->periods_v, value);
+    return;
+  }
+#endif
   textured4(looks->textures, object->emission_texture, looks->texels, looks->spectra,
             looks->n_columns, object->emission, band, u, v, value);
 }
@@ -113,7 +132,7 @@ INLINE void sample_ball(const shapes_t *shapes, const looks_t *looks,
     tv = mul_add((realv)2, turn_of(py, square_root(mul_add(px, px, pz * pz))), (realv)R(0.5));
   }
 #endif
-  emitted4(looks, object, band, tu, tv, &sample->light);
+  emitted4(shapes, looks, object, band, tu, tv, -d.x, -d.y, -d.z, &sample->light);
   realv outside = ratio < 1 ? (realv)1 : (realv)0;
   realv scale = (object->shines_behind ? (realv)1 : outside) / sample->density;
   for (int k = 0; k < 4; ++k) sample->light.w[k] *= scale;
@@ -165,7 +184,7 @@ INLINE void sample_area(const shapes_t *shapes, const triangles_t *triangles,
   sample->dx = x, sample->dy = y, sample->dz = z;
   sample->distance = lit ? d2 * inverse : (realv)0;
   sample->density = object->density * d2 / (lit ? cosine : (realv)1);
-  emitted4(looks, object, band, on.u, on.v, &sample->light);
+  emitted4(shapes, looks, object, band, on.u, on.v, -x, -y, -z, &sample->light);
   realv scale = lit ? 1 / sample->density : (realv)0;
   for (int k = 0; k < 4; ++k) sample->light.w[k] *= scale;
 }

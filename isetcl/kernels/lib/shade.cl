@@ -79,7 +79,7 @@ INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const
       share *= density > 0 ? density / (density + other) : (realv)1;
 #endif
       colourv sent;
-      emitted4(looks, object, band, one.u, one.v, &sent);
+      emitted4(shapes, looks, object, band, one.u, one.v, -ray->dx, -ray->dy, -ray->dz, &sent);
       for (int k = 0; k < 4; ++k) added->w[k] = here ? share * sent.w[k] : added->w[k];
     }
 #if HAS_ADDITIVE

@@ -37,7 +37,7 @@ INLINE realv band_value(global const real *spectra, int n_columns, int row, cons
   return value;
 }
 
-#if HAS_PICTURES
+#if HAS_PICTURES || HAS_LIGHT_FIELDS
 /* The four texels around a place in a picture, and how near it lies to them. */
 typedef struct {
   intv left_top, right_top, left_low, right_low;
@@ -83,16 +83,56 @@ INLINE realv one_texel(global const float *texels, intv at, int channel, int pla
   return value;
 }
 
-/* picture_weight - a channel of a picture; channels lie in planes, one after the other. */
-INLINE realv picture_weight(global const texture_t *texture, global const float *texels,
-                            const texelsv *at, int channel) {
-  const int plane = texture->width * texture->height;
+/* between_texels - a channel between four texels; channels lie in planes, one after the other. */
+INLINE realv between_texels(global const float *texels, const texelsv *at, int channel,
+                            int plane) {
   realv a = one_texel(texels, at->left_top, channel, plane);
   realv b = one_texel(texels, at->right_top, channel, plane);
   realv c = one_texel(texels, at->left_low, channel, plane);
   realv d = one_texel(texels, at->right_low, channel, plane);
   realv upper = mul_add(at->right, b - a, a), lower = mul_add(at->right, d - c, c);
   return mul_add(at->low, lower - upper, upper);
+}
+
+/* picture_weight - a channel of a picture. */
+INLINE realv picture_weight(global const texture_t *texture, global const float *texels,
+                            const texelsv *at, int channel) {
+  return between_texels(texels, at, channel, texture->width * texture->height);
+}
+#endif
+
+#if HAS_LIGHT_FIELDS
+/* light_field4 - radiance that differs by direction: boxes of pixels, bilinear between their views.
+ *
+ * slope_x, slope_y   of the light that leaves along u and v, in units of the outermost slopes
+ */
+INLINE void light_field4(global const texture_t *texture, global const float *texels,
+                         global const real *spectra, int n_columns, int row, const bandv *band,
+                         realv u, realv v, realv slope_x, realv slope_y, colourv *value) {
+  const int columns = texture->width, rows = texture->height;
+  const int across = texture->views_x, up = texture->views_y;
+  intv column = wrap_index(whole(u * columns), columns, 0);
+  intv line = wrap_index(whole((1 - v) * rows), rows, 0);
+  realv a = mul_add(slope_x + 1, (realv)(R(0.5) * across), (realv)R(-0.5));
+  realv b = mul_add(1 - slope_y, (realv)(R(0.5) * up), (realv)R(-0.5));
+  a = smaller(larger(a, (realv)0), (realv)(across - 1));
+  b = smaller(larger(b, (realv)0), (realv)(up - 1));
+  intv left = wrap_index(whole(a), across, 0), top = wrap_index(whole(b), up, 0);
+  intv right = wrap_index(left + 1, across, 0), low = wrap_index(top + 1, up, 0);
+  intv first = texture->first + (line * columns + column) * (up * across);
+  texelsv at = {first + top * across + left, first + top * across + right,
+                first + low * across + left, first + low * across + right,
+                a - real_from_int(left), b - real_from_int(top)};
+  maskv seen = (magnitude(slope_x) <= 1) & (magnitude(slope_y) <= 1);
+  const int plane = columns * rows * across * up;
+  for (int c = 0; c < texture->channels; ++c) {
+    colourv of_channel;
+    spectrum4(spectra, n_columns, row + c, band, &of_channel);
+    realv weight = seen ? between_texels(texels, &at, c, plane) : (realv)0;
+    for (int k = 0; k < 4; ++k)
+      value->w[k] = c == 0 ? weight * of_channel.w[k]
+                           : mul_add(weight, of_channel.w[k], value->w[k]);
+  }
 }
 #endif
 
