@@ -603,6 +603,10 @@ BAD = {
     "radius": (HEAD + 'Shape "sphere" "float radius" 0', "radius must be > 0"),
     "negative radius": (HEAD + 'Shape "disk" "float radius" -1', "radius must be > 0"),
     "huge": (HEAD + 'Shape "trianglemesh" "point3 P" [1e30 0 0 1 0 0 0 1 0]', "within 1e"),
+    "huge patch": (
+        HEAD + 'Shape "bilinearmesh" "point3 P" [1e200 0 0 1 0 0 0 1e200 0 0 0 1e200]', "beyond"
+    ),
+    "huge sphere": (HEAD + 'AreaLightSource "diffuse" Scale 1e200 1e200 1e200 Shape "sphere"', "be"),
     "huge scale": (HEAD + "Scale 1e200 1 1 Scale 1e200 1 1", "overflows"),
     "index": (
         HEAD + 'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 3]',

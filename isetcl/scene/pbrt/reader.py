@@ -188,8 +188,16 @@ class _Reader:
     def run(self, directives: list[Directive]) -> Scene:
         """The scene of all directives."""
         for directive in directives:
-            if directive.name not in _RENDERING:
+            if directive.name in _RENDERING:
+                continue
+            try:
                 self._handlers[directive.name](directive)
+            except (ArithmeticError, np.linalg.LinAlgError) as error:
+                raise wrong(
+                    directive.place,
+                    f"numbers of {directive.name} must be of the size of things in metres, not "
+                    "beyond 1e100",
+                ) from error
         self._check_end(directives)
         self._tell_unused()
         return Scene(
