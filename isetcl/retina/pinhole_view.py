@@ -27,7 +27,8 @@ class PinholeView:
         ``distance_m`` (layer, y, x) along the ray, infinite where there is nothing;
         ``vergence_dpt`` (layer, y, x), 1/m along the axis from the cornea; ``object`` and
         ``material`` (layer, y, x), numbers of the scene's objects and of their materials, -1 for
-        none; ``position_m`` and ``normal`` (layer, axis, y, x), world frame; ``albedo`` (layer, wavelength, y, x). Coordinates as those of a `RetinalImage`.
+        none; ``position_m`` and ``normal`` (layer, axis, y, x), world frame;
+        ``albedo`` (layer, wavelength, y, x). Coordinates as those of a `RetinalImage`.
         Attribute ``object_names``.
     """
 

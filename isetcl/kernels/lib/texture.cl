@@ -141,11 +141,10 @@ INLINE realv pattern_weight(global const texture_t *texture, realv u, realv v) {
   realv a = u * texture->periods_u, b = v * texture->periods_v;
 #if HAS_GRIDS
   if (texture->kind == TEXTURE_GRID) {
-    const real half = texture->line_width / 2;
-    a += half, b += half;
+    a += texture->line_width / 2, b += texture->line_width / 2;
     a -= real_from_int(whole(a)), b -= real_from_int(whole(b));
-    return (a < texture->line_width) | (b < texture->line_width) ? (realv)texture->bright
-                                                                 : (realv)texture->dark;
+    maskv on_line = (a < texture->line_width) | (b < texture->line_width);
+    return on_line ? (realv)texture->bright : (realv)texture->dark;
   }
 #endif
   intv parity = whole(a) + whole(b);
