@@ -208,6 +208,8 @@ def test_tiles_do_not_change_a_bit(monkeypatch):
     lamp = ic.SceneObject("lamp", ic.Sphere((0.3, 0.2, -0.5), 0.1), ic.Emission(UNIT))
     where = {"fov_deg": 6.0, "resolution": (70, 50), "spp": 20, "bands": 2, "max_bounces": 3}
     whole = ic.render(lit_wall(lamp), EYE, **where, wavelengths_nm=[450.0, 650.0])
+    # Of kernels that follow bundles of paths, and of those that take turns over a tile.
+    monkeypatch.setattr(plan_module, "_TILE_FILM_BYTES", 2 * 16 * 1100)
     monkeypatch.setattr(plan_module, "_TILE_PATHS_BYTES", 2 * 8 * 160 * 1100)
     parts = ic.render(lit_wall(lamp), EYE, **where, wavelengths_nm=[450.0, 650.0])
     assert parts.provenance["tile"] != whole.provenance["tile"]
@@ -350,6 +352,7 @@ def test_a_light_field_sends_each_direction_its_view(precision):
     assert expected[0] - expected[-1] > 3.0
 
 
+@pytest.mark.filterwarnings("ignore:no light of scene")
 def test_a_light_field_is_dark_from_behind_and_lights_a_wall():
     """Views alike: it shines as an even front does; on a wall too, within 3 standard errors."""
     even_views = ic.LightField(np.ones((2, 2, 3, 3)), (178.0, 178.0))
