@@ -24,6 +24,8 @@ ORDER = (
     {"plots"},
     {"report"},
     {"distributed"},
+    {"cli_scene"},
+    {"cli_render"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}
