@@ -165,7 +165,8 @@ def _write(image: RetinalImage, scene: Scene, folder: Path, *, layers: bool) -> 
     from isetcl.report import png, write_file
 
     written = [image.save(folder / "retina.nc")]
-    pixels = image.to_srgb(white_point=cli_scene.white_point(scene))
+    white = cli_scene.exposure_lux(scene, image.illuminance_lux.values)
+    pixels = image.to_srgb(white or None, cli_scene.white_point(scene))
     written.append(write_file(folder / "retina.png", png(pixels)))
     if layers:
         names = [item.name for item in scene.objects]
@@ -183,11 +184,10 @@ def _write(image: RetinalImage, scene: Scene, folder: Path, *, layers: bool) -> 
 
 def _report(image: RetinalImage, scene: Scene, written: list[Path]) -> None:
     """A line about the image, advice where it shows nothing, and the status after Ctrl-C."""
-    from isetcl.scene.extent import box_m
+    from isetcl.scene.extent import is_in_view
 
     details = image.provenance
-    depth = image.vergence_dpt
-    if depth is not None and not depth.values.any() and box_m(scene) is not None:
+    if scene.objects and not is_in_view(scene, details["grid"]["fov_deg"]):
         cli_scene.note(f"no object is in sight: {cli_scene.where(scene)}")
     names = ", ".join(path.name for path in written)
     print(

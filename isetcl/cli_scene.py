@@ -29,7 +29,7 @@ TARGETS = {
     "point_source": 0.5,
     "siemens_star": 6.0,
     "slanted_edge": 2.0,
-    "snellen_chart": 2.0,
+    "snellen_chart": 5.5,
     "tca_grid": 40.0,
     "textured_plane": 40.0,
     "two_planes": 2.0,
@@ -42,6 +42,9 @@ WIDEST_FOV_DEG = 40.0
 
 SKY_CD_M2 = 100.0
 """Luminance of the sky around a scene without any light."""
+
+_HEADROOM = 3.0
+"""Illuminance shown as white, times that of three quarters of the image."""
 
 _WORDS = ("relaxed", "centre")
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -186,15 +189,15 @@ def accommodated(name: str, pupil: float, wanted: float | str, scene: Scene) -> 
     if math.isinf(distance):
         note("nothing stands in the middle of the image: the eye is relaxed")
         return relaxed
+    what = f"what stands in the middle of the image, {distance:.3g} m away"
     try:
         eye = catalog.by_name(name, pupil, 1.0 / distance)
     except FocusError:
-        note(
-            f"the eye cannot focus on what stands in the middle of the image, {distance:.3g} m "
-            "away: it is relaxed; choose with --accommodation"
-        )
+        far_point = relaxed.focus_vergence_dpt()
+        limit = "too near" if 1.0 / distance > far_point else "beyond its far point"
+        note(f"the eye is relaxed: {what}, is {limit}")
         return relaxed
-    note(f"the eye is focused on what stands in the middle of the image, {distance:.3g} m away")
+    note(f"the eye is focused on {what}")
     return eye
 
 
@@ -260,6 +263,19 @@ def white_point(scene: Scene) -> str:
     return min(
         ("E", "D65"), key=lambda name: float(np.linalg.norm(chromaticity - np.array(whites[name])))
     )
+
+
+def exposure_lux(scene: Scene, illuminance_lux: np.ndarray) -> float:
+    """The illuminance to show as white.
+
+    The brightest of the image; in scenes that scatter light less, so that a lamp in sight does not
+    leave the room dark.
+    """
+    brightest = float(np.percentile(illuminance_lux, 99.5))
+    if not scene.has_reflection:
+        return brightest
+    usual = _HEADROOM * float(np.percentile(illuminance_lux, 75))
+    return min(brightest, max(usual, 0.01 * brightest))
 
 
 def field_of_view(name: str, scene: Scene, asked: float | None) -> float:

@@ -42,6 +42,20 @@ def width_deg(scene: Scene) -> float:
     return 2.0 * float(angles.max())
 
 
+def is_in_view(scene: Scene, fov_deg: tuple[float, float]) -> bool:
+    """Whether an object, or the box around it, may reach into a view about the axis."""
+    slopes = np.tan(np.radians(np.minimum(fov_deg, 170.0)) / 2.0)
+    for item in scene.objects:
+        low, high = _box(item.shape)
+        if low[2] >= 0:
+            continue
+        # The far side of the box, or all around where the eye stands beside it or in it.
+        reach = -low[2] * slopes
+        if np.all(low[:2] <= reach) and np.all(high[:2] >= -reach):
+            return True
+    return False
+
+
 def _box(shape: Shape) -> np.ndarray:
     """Lowest and highest corner of a shape, (2, 3)."""
     if isinstance(shape, (Sphere, Disc)):
