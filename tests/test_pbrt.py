@@ -606,7 +606,9 @@ BAD = {
     "huge patch": (
         HEAD + 'Shape "bilinearmesh" "point3 P" [1e200 0 0 1 0 0 0 1e200 0 0 0 1e200]', "beyond"
     ),
-    "huge sphere": (HEAD + 'AreaLightSource "diffuse" Scale 1e200 1e200 1e200 Shape "sphere"', "be"),
+    "huge sphere": (
+        HEAD + 'AreaLightSource "diffuse" Scale 1e200 1e200 1e200 Shape "sphere"', "beyond"
+    ),
     "huge scale": (HEAD + "Scale 1e200 1 1 Scale 1e200 1 1", "overflows"),
     "index": (
         HEAD + 'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 3]',

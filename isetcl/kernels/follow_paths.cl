@@ -36,6 +36,7 @@ kernel void follow_paths(
   local real throughput[4 * GROUP_PATHS], radiance[4 * GROUP_PATHS], last_density[GROUP_PATHS];
   local real passed[HAS_ADDITIVE || STARTS_GIVEN ? GROUP_PATHS : 1];
   local int bounces[HAS_ADDITIVE ? GROUP_PATHS : 1];
+  local real ray_width[HAS_LEVELS ? GROUP_PATHS : 1];
   local real shadow_origin[HAS_LIGHTS ? 3 * GROUP_PATHS : 1];
   local real shadow_direction[HAS_LIGHTS ? 3 * GROUP_PATHS : 1];
   local real shadow_most[HAS_LIGHTS ? GROUP_PATHS : 1];
@@ -45,7 +46,7 @@ kernel void follow_paths(
   const paths_t paths = {origin,        direction,        weight,      distance,
                          hit_uv,        object,           triangle,    throughput,
                          radiance,      last_density,     passed,      bounces,
-                         shadow_origin, shadow_direction, shadow_most, shadow_light,
+                         ray_width,     shadow_origin, shadow_direction, shadow_most, shadow_light,
                          n_slots};
   const shapes_t shapes = {world, flats, balls, nodes, blocks, triangle_object, instances};
   const triangles_t triangles = {corners, normals, uvs};

@@ -19,7 +19,7 @@ INLINE void albedo4(const looks_t *looks, intv substance, const pointv *point, c
     if (of->kind != SUBSTANCE_DIELECTRIC)
 #endif
       textured4(looks->textures, of->texture, looks->texels, looks->spectra, looks->n_columns,
-                of->row, band, point->u, point->v, &one);
+                of->row, band, &point->at, &one);
 #if HAS_CONDUCTORS
     if (of->kind == SUBSTANCE_CONDUCTOR) {
       colourv k_of;
@@ -88,7 +88,7 @@ kernel void survey(const int n, global real *restrict rays, constant world_t *wo
     const int number = next_number(&left, &here);
     if (number < 0) break;
     pointv point;
-    meet(&shapes, &triangles, objects + number, &ray, &hit, here, &point);
+    meet(&shapes, &triangles, objects + number, &ray, &hit, here, (realv)0, &point);
     colourv albedo;
     for (int k = 0; k < 4; ++k) albedo.w[k] = (realv)0;
     if (objects[number].substance >= 0) {

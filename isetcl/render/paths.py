@@ -7,6 +7,7 @@ in device memory; only the numbers of those alive come back. Both give the same 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -89,6 +90,8 @@ class PathPipeline:
         self._band_first = self._upload(firsts)
         self._tile_record = np.zeros(1, dtype=pack_paths.TILE.dtype(self._config.precision))
         self._tile_buffer = self._upload(self._tile_record)
+        if not self._config.starts_given:
+            self._tile_record["pixel_rad"] = math.radians(min(self._plan.grid.pitch_deg))
         self._starts = self._upload(np.zeros(16, dtype=self._real))
 
     def start_from(

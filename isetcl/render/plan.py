@@ -24,10 +24,14 @@ from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
-from isetcl.render.kernel_config import SAMPLES_AT_ONCE, KernelConfig, PathConfig
+from isetcl.render.kernel_config import (
+    SAMPLES_AT_ONCE,
+    TEXELS_PER_FOOTPRINT,
+    KernelConfig,
+    PathConfig,
+)
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
 from isetcl.render.plan_paths import (
-    TEXELS_PER_FOOTPRINT,
     check_mesh_memory,
     check_spectra,
     decide_bounces,

@@ -72,6 +72,7 @@ class PathStages:
         self._throughput, self._radiance = self._buffer(4 * n), self._buffer(4 * n)
         passing = n if self._config.has_additive or self._config.starts_given else 1
         self._passed, self._bounces = self._buffer(passing), self._buffer(passing, 4)
+        self._width = self._buffer(n if self._config.has_levels else 1)
         self._last_density = self._buffer(n)
         self._alive = [self._buffer(n, 4), self._buffer(n, 4)]
         self._shadowed = self._buffer(n, 4)
@@ -211,6 +212,7 @@ class PathStages:
             self._last_density,
             self._passed,
             self._bounces,
+            self._width,
             *scene.shading,
             np.uint32(first),
             np.uint32(block),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +72,7 @@ def survey(
     rays[6] = np.broadcast_to(least_m, shape).ravel()
     wavelengths = len(plan.wavelengths_nm) if with_albedo else 0
     found = np.empty(n), np.empty(n, np.int32), np.empty((6, n)), np.zeros((wavelengths, n))
-    runner = _Runner(plan, scene)
+    runner = _Runner(plan, scene, with_albedo)
     for start in range(0, n, _RAYS_AT_ONCE):
         part = slice(start, min(n, start + _RAYS_AT_ONCE))
         for first in range(0, max(1, wavelengths), pack_paths.WAVELENGTHS_AT_ONCE):
@@ -88,20 +89,43 @@ def survey(
     )
 
 
+def _what_is_needed(config: PathConfig, with_albedo: bool) -> PathConfig:
+    """Features without those that surveys never need, or not without albedos."""
+    config = dataclasses.replace(
+        config,
+        is_fused=False,
+        has_lights=False,
+        has_light_fields=False,
+        has_spots=False,
+        has_environment=False,
+        has_levels=False,
+    )
+    if with_albedo:
+        return config
+    return dataclasses.replace(
+        config,
+        has_translucent=False,
+        has_mirrors=False,
+        has_conductors=False,
+        has_dielectrics=False,
+        has_coated=False,
+        combined_depth=0,
+        has_pictures=config.has_pictures and config.has_cutouts,
+        has_grids=config.has_grids and config.has_cutouts,
+    )
+
+
 class _Runner:
     """The kernel of surveys, built for a plan."""
 
-    def __init__(self, plan: Plan, scene: DeviceScene) -> None:
+    def __init__(self, plan: Plan, scene: DeviceScene, with_albedo: bool) -> None:
         config = plan.config
         assert isinstance(config, PathConfig)
+        config = _what_is_needed(config, with_albedo)
         self._device, self._scene = plan.device, scene
         self._real = real_dtype(config.precision)
         self._width = path_width(plan.device, config.precision)
-        defines = config.path_defines(plan.device) | {
-            "STACK_SIZE": scene.stack_size,
-            # Rays lie in device memory whatever the pipeline does.
-            "PATHS_ARE_LOCAL": 0,
-        }
+        defines = config.path_defines(plan.device) | {"STACK_SIZE": scene.stack_size}
         declarations = pack_paths.declarations() + pack.sobol_declaration()
         source = program.assemble("survey.cl", defines, declarations)
         self._kernel = program.kernel(plan.device, source, "survey")

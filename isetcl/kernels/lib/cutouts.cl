@@ -19,9 +19,8 @@ INLINE realv opacity_at(const shapes_t *shapes, const triangles_t *triangles,
     realv value = (realv)object->opacity;
     if (object->opacity_texture >= 0) {
       pointv point;
-      meet(shapes, triangles, object, ray, hit, here, &point);
-      value = grey_weight(looks->textures + object->opacity_texture, looks->texels, point.u,
-                          point.v);
+      meet(shapes, triangles, object, ray, hit, here, (realv)0, &point);
+      value = grey_weight(looks->textures + object->opacity_texture, looks->texels, &point.at);
     }
     opacity = here ? value : opacity;
   }
