@@ -16,13 +16,10 @@ INLINE realv opacity_at(const shapes_t *shapes, const triangles_t *triangles,
     if (number < 0) break;
     global const object_t *object = looks->objects + number;
     additive = additive | (here & mask_from_int((intv)(object->is_additive ? -1 : 0)));
-    realv value = (realv)object->opacity;
-    if (object->opacity_texture >= 0) {
-      pointv point;
-      meet(shapes, triangles, object, ray, hit, here, &point);
-      value = grey_weight(looks->textures + object->opacity_texture, looks->texels, point.u,
-                          point.v);
-    }
+    pointv point;
+    point.u = point.v = (realv)0;
+    if (object->opacity_texture >= 0) meet(shapes, triangles, object, ray, hit, here, &point);
+    realv value = opacity_of(looks, object, point.u, point.v);
     opacity = here ? value : opacity;
   }
   *is_additive = additive;

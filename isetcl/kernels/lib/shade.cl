@@ -96,6 +96,7 @@ INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const
     point->sz = here ? one.sz : point->sz;
     point->u = here ? one.u : point->u;
     point->v = here ? one.v : point->v;
+    point->reach = here ? one.reach : point->reach;
     point->is_front = here ? one.is_front : point->is_front;
   }
 }
@@ -224,7 +225,7 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
 #endif
   /* Light of the surroundings and of surfaces. */
   pointv point;
-  point.x = point.y = point.z = point.u = point.v = (realv)0;
+  point.x = point.y = point.z = point.u = point.v = point.reach = (realv)0;
   point.nx = point.ny = point.sx = point.sy = (realv)0;
   point.nz = point.sz = (realv)1;
   point.is_front = met;

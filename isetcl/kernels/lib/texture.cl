@@ -37,6 +37,13 @@ INLINE realv band_value(global const real *spectra, int n_columns, int row, cons
   return value;
 }
 
+/* part_of_whole - a number less the largest integer below it; 0 beyond the range of integers. */
+INLINE realv part_of_whole(realv x) {
+  maskv is_small = magnitude(x) < R(2e9);
+  realv kept = is_small ? x : (realv)0;
+  return kept - real_from_int(whole(kept));
+}
+
 #if HAS_PICTURES || HAS_LIGHT_FIELDS
 /* The four texels around a place in a picture, and how near it lies to them. */
 typedef struct {
@@ -44,22 +51,22 @@ typedef struct {
   realv right, low;
 } texelsv;
 
-/* wrap_index - an index brought into 0 ... n - 1, by repeating or by stopping at the border. */
+/* wrap_index - an index of at most one beyond 0 ... n - 1 brought into it, by repeating or by
+ * stopping at the border.
+ */
 INLINE intv wrap_index(intv i, int n, int repeats) {
-  if (!repeats) return i < 0 ? (intv)0 : i > n - 1 ? (intv)(n - 1) : i;
-  intv rest = i - whole(real_from_int(i) * (R(1.0) / (real)n)) * n;
-  rest = rest < 0 ? rest + n : rest;
-  rest = rest >= n ? rest - n : rest;
-  return rest < 0 ? (intv)0 : rest >= n ? (intv)(n - 1) : rest;
+  if (repeats) i = i < 0 ? i + n : i > n - 1 ? i - n : i;
+  return i < 0 ? (intv)0 : i > n - 1 ? (intv)(n - 1) : i;
 }
 
 /* find_texels - the texels around (u, v), bilinear between their centres. */
 INLINE void find_texels(global const texture_t *texture, realv u, realv v, texelsv *texels) {
   const int width = texture->width, height = texture->height;
-  realv x = mul_add(mul_add(u, (realv)texture->periods_u, (realv)texture->offset_u), (realv)width,
-                    (realv)R(-0.5));
-  realv y = mul_add(1 - mul_add(v, (realv)texture->periods_v, (realv)texture->offset_v),
-                    (realv)height, (realv)R(-0.5));
+  realv s = mul_add(u, (realv)texture->periods_u, (realv)texture->offset_u);
+  realv t = mul_add(v, (realv)texture->periods_v, (realv)texture->offset_v);
+  if (texture->repeats) s = part_of_whole(s), t = part_of_whole(t);
+  realv x = mul_add(s, (realv)width, (realv)R(-0.5));
+  realv y = mul_add(1 - t, (realv)height, (realv)R(-0.5));
   if (!texture->repeats) {
     x = smaller(larger(x, (realv)0), (realv)(width - 1));
     y = smaller(larger(y, (realv)0), (realv)(height - 1));
@@ -143,12 +150,12 @@ INLINE realv pattern_weight(global const texture_t *texture, realv u, realv v) {
   if (texture->kind == TEXTURE_GRID) {
     const real half = texture->line_width / 2;
     a += half, b += half;
-    a -= real_from_int(whole(a)), b -= real_from_int(whole(b));
+    a = part_of_whole(a), b = part_of_whole(b);
     return (a < texture->line_width) | (b < texture->line_width) ? (realv)texture->bright
                                                                  : (realv)texture->dark;
   }
 #endif
-  intv parity = whole(a) + whole(b);
+  intv parity = whole(2 * part_of_whole(a / 2)) + whole(2 * part_of_whole(b / 2));
   return mask_from_int((parity & 1) != 0) ? (realv)texture->dark : (realv)texture->bright;
 }
 
