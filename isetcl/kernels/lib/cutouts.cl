@@ -16,12 +16,11 @@ INLINE realv opacity_at(const shapes_t *shapes, const triangles_t *triangles,
     if (number < 0) break;
     global const object_t *object = looks->objects + number;
     additive = additive | (here & mask_from_int((intv)(object->is_additive ? -1 : 0)));
-    realv value = (realv)object->opacity;
-    if (object->opacity_texture >= 0) {
-      pointv point;
+    pointv point;
+    point.at.u = point.at.v = point.at.width_u = point.at.width_v = (realv)0;
+    if (object->opacity_texture >= 0)
       meet(shapes, triangles, object, ray, hit, here, (realv)0, &point);
-      value = grey_weight(looks->textures + object->opacity_texture, looks->texels, &point.at);
-    }
+    realv value = opacity_of(looks, object, &point.at);
     opacity = here ? value : opacity;
   }
   *is_additive = additive;

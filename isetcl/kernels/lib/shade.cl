@@ -103,6 +103,7 @@ INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const
     point->at.v = here ? one.at.v : point->at.v;
     point->at.width_u = here ? one.at.width_u : point->at.width_u;
     point->at.width_v = here ? one.at.width_v : point->at.width_v;
+    point->reach = here ? one.reach : point->reach;
     point->is_front = here ? one.is_front : point->is_front;
   }
 }
@@ -231,7 +232,7 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
 #endif
   /* Light of the surroundings and of surfaces. */
   pointv point;
-  point.x = point.y = point.z = point.at.u = point.at.v = (realv)0;
+  point.x = point.y = point.z = point.at.u = point.at.v = point.reach = (realv)0;
   point.at.width_u = point.at.width_v = (realv)0;
   point.nx = point.ny = point.sx = point.sy = (realv)0;
   point.nz = point.sz = (realv)1;

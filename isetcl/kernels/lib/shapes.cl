@@ -37,11 +37,13 @@ typedef struct {
 INLINE maskv flat_hit(constant flat_t *flat, const pathv *ray, realv *distance, realv *u,
                       realv *v) {
   realv nx = flat->normal[0], ny = flat->normal[1], nz = flat->normal[2];
-  realv x = flat->corner[0] - ray->ox, y = flat->corner[1] - ray->oy, z = flat->corner[2] - ray->oz;
+  realv x = flat->foot[0] - ray->ox, y = flat->foot[1] - ray->oy, z = flat->foot[2] - ray->oz;
   realv d = dot3(nx, ny, nz, x, y, z) / dot3(nx, ny, nz, ray->dx, ray->dy, ray->dz);
   realv px = mul_add(d, ray->dx, -x), py = mul_add(d, ray->dy, -y), pz = mul_add(d, ray->dz, -z);
-  *u = dot3((realv)flat->axis_u[0], (realv)flat->axis_u[1], (realv)flat->axis_u[2], px, py, pz);
-  *v = dot3((realv)flat->axis_v[0], (realv)flat->axis_v[1], (realv)flat->axis_v[2], px, py, pz);
+  *u = flat->foot_u + dot3((realv)flat->axis_u[0], (realv)flat->axis_u[1],
+                           (realv)flat->axis_u[2], px, py, pz);
+  *v = flat->foot_v + dot3((realv)flat->axis_v[0], (realv)flat->axis_v[1],
+                           (realv)flat->axis_v[2], px, py, pz);
   *distance = d;
   if (flat->is_round) {
     realv a = *u - R(0.5), b = *v - R(0.5);
