@@ -295,10 +295,18 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
     realv out = side > 0 ? off : -off;
     write3(mul_add(out, point.nx, point.x), mul_add(out, point.ny, point.y),
            mul_add(out, point.nz, point.z), paths->shadow_origin, n_slots, at);
-    write3(light.dx, light.dy, light.dz, paths->shadow_direction, n_slots, at);
+    /* Aim anew from there, or a light seen at a grazing angle would lie behind itself. */
+    maskv is_near = light.distance < INFINITY;
+    realv reach = is_near ? light.distance : (realv)0;
+    realv tx = mul_add(reach, light.dx, -out * point.nx);
+    realv ty = mul_add(reach, light.dy, -out * point.ny);
+    realv tz = mul_add(reach, light.dz, -out * point.nz);
+    reach = normalised(&tx, &ty, &tz);
+    write3(is_near ? tx : light.dx, is_near ? ty : light.dy, is_near ? tz : light.dz,
+           paths->shadow_direction, n_slots, at);
     /* Stop short of the light itself. */
-    write_plane(mul_add(light.distance, (realv)(1 - 64 * ROUNDING), -2 * off), paths->shadow_most,
-                at);
+    realv most_near = mul_add(reach, (realv)(1 - 64 * ROUNDING), -2 * off);
+    write_plane(is_near ? most_near : (realv)INFINITY, paths->shadow_most, at);
     write4(&lit, paths->shadow_light, n_slots, at);
 #else
     bounce_all(looks, &ray, &point, &band, substance, chance, chance[6], &bounced);
