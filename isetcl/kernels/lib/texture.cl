@@ -148,11 +148,9 @@ INLINE realv pattern_weight(global const texture_t *texture, realv u, realv v) {
   realv a = u * texture->periods_u, b = v * texture->periods_v;
 #if HAS_GRIDS
   if (texture->kind == TEXTURE_GRID) {
-    const real half = texture->line_width / 2;
-    a += half, b += half;
-    a = part_of_whole(a), b = part_of_whole(b);
-    return (a < texture->line_width) | (b < texture->line_width) ? (realv)texture->bright
-                                                                 : (realv)texture->dark;
+    const real width = texture->line_width, half_width = width / 2;
+    a = part_of_whole(a + half_width), b = part_of_whole(b + half_width);
+    return ((a < width) | (b < width)) ? (realv)texture->bright : (realv)texture->dark;
   }
 #endif
   intv parity = whole(2 * part_of_whole(a / 2)) + whole(2 * part_of_whole(b / 2));
