@@ -189,6 +189,8 @@ def _report(image: RetinalImage, scene: Scene, written: list[Path]) -> None:
     details = image.provenance
     if scene.objects and not is_in_view(scene, details["grid"]["fov_deg"]):
         cli_scene.note(f"no object is in sight: {cli_scene.where(scene)}")
+    elif scene.objects and not image.irradiance.values.any():
+        cli_scene.note(f"does the eye stand inside an object? {cli_scene.where(scene)}")
     names = ", ".join(path.name for path in written)
     print(
         f"{details['elapsed_s']:.1f} s on {details['device']}; error "

@@ -40,11 +40,16 @@ TARGETS = {
 WIDEST_FOV_DEG = 40.0
 """Field of view, unless asked for, of scenes that are wider."""
 
+NARROWEST_FOV_DEG = 0.5
+"""Field of view, unless asked for, of scenes that are narrower."""
+
 SKY_CD_M2 = 100.0
 """Luminance of the sky around a scene without any light."""
 
 _HEADROOM = 3.0
-"""Illuminance shown as white, times that of three quarters of the image."""
+"""Illuminance shown as white, times what a quarter of the lit part of the image exceeds."""
+_DARK = 0.002
+"""Illuminance of parts that are not lit, times the brightest."""
 
 _WORDS = ("relaxed", "centre")
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -272,10 +277,10 @@ def exposure_lux(scene: Scene, illuminance_lux: np.ndarray) -> float:
     leave the room dark.
     """
     brightest = float(np.percentile(illuminance_lux, 99.5))
-    if not scene.has_reflection:
+    lit_parts = illuminance_lux[illuminance_lux > _DARK * brightest]
+    if not scene.has_reflection or lit_parts.size == 0:
         return brightest
-    usual = _HEADROOM * float(np.percentile(illuminance_lux, 75))
-    return min(brightest, max(usual, 0.01 * brightest))
+    return min(brightest, _HEADROOM * float(np.percentile(lit_parts, 75)))
 
 
 def field_of_view(name: str, scene: Scene, asked: float | None) -> float:
@@ -287,7 +292,7 @@ def field_of_view(name: str, scene: Scene, asked: float | None) -> float:
     target = _target_of(name)
     if target is not None and not Path(name).exists():
         return TARGETS[target]
-    return min(WIDEST_FOV_DEG, 1.05 * width_deg(scene))
+    return min(WIDEST_FOV_DEG, max(NARROWEST_FOV_DEG, 1.05 * width_deg(scene)))
 
 
 def where(scene: Scene) -> str:

@@ -272,3 +272,26 @@ def test_what_stands_ahead_is_found_on_every_kind_of_shape():
     shift[0, 3] = 5.0
     assert ahead(ic.Instance(near, shift)) == math.inf
     assert ahead(behind) == math.inf
+
+
+def test_a_lamp_in_sight_does_not_decide_the_exposure_of_a_room():
+    room, stars = ic.scenes.cornell_box(), ic.scenes.point_grid()
+    lux = np.full((20, 20), 1.0)
+    lux[0, :4] = 100.0
+    assert cli_scene.exposure_lux(room, lux) == pytest.approx(3.0)
+    # Lights alone, and things before the dark, are shown by their own brightness.
+    assert cli_scene.exposure_lux(stars, lux) == pytest.approx(100.0)
+    lux[1:] = 0.0
+    lux[0] = 50.0
+    assert cli_scene.exposure_lux(room, lux) == pytest.approx(50.0)
+    assert cli_scene.exposure_lux(room, 0.0 * lux) == 0.0
+
+
+def test_an_eye_inside_an_object_is_told_so(isetcl, tmp_path):
+    import trimesh
+
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
+    status, _, err = isetcl("box.stl", *TINY)
+    assert status == 0
+    assert "does the eye stand inside an object?" in err
+    assert "to see them whole: --from" in err
