@@ -80,7 +80,13 @@ def read_scene(name: str, *, allow_outside: bool) -> Scene:
             raise InvalidInputError(f"{error}; a scene file has a suffix, such as .glb") from None
     if not path.exists():
         raise FileError(f"scene file {name!r} does not exist{_near_files(path)}")
-    return load.load_scene(path, allow_outside=allow_outside)
+    try:
+        scene = load.load_scene(path, allow_outside=allow_outside)
+    except FileError as error:
+        raise FileError(str(error).replace("allow_outside=True", "--allow-outside")) from error
+    if not scene.objects:
+        note(f"scene {scene.name!r} holds no objects: all that is seen is its background")
+    return scene
 
 
 def _target_of(name: str) -> str | None:
@@ -106,6 +112,31 @@ def _near_files(path: Path) -> str:
         return f": there is no folder {str(path.parent)!r}"
     near = difflib.get_close_matches(path.name, names, n=3, cutoff=0.6)
     return f"; did you mean {' or '.join(str(path.parent / n) for n in near)}?" if near else ""
+
+
+def placed(scene: Scene, eye_at: str | None, look_at: str | None) -> Scene:
+    """The scene in the frame of an eye at a point that looks at another, each 'x,y,z' or None.
+
+    An eye that looks straight up or down has -z on top.
+
+    Raises
+    ------
+    InvalidInputError
+        If a point is none, or both are the same.
+    """
+    start, target = point("--from", eye_at), point("--look-at", look_at)
+    if start is None and target is None:
+        return scene
+    place = (0.0, 0.0, 0.0) if start is None else start
+    if target is None:
+        return scene.seen_from(place)
+    x, _, z = np.subtract(target, place)
+    is_upright = math.hypot(x, z) > 1e-6 * math.dist(target, place)
+    if target == place:
+        raise InvalidInputError(
+            f"--look-at must be another point than --from, got {look_at!r} for both"
+        )
+    return scene.seen_from(place, target, up=(0, 1, 0) if is_upright else (0, 0, -1))
 
 
 def point(option: str, text: str | None) -> tuple[float, float, float] | None:
