@@ -318,3 +318,12 @@ def test_an_eye_inside_an_object_is_told_so(isetcl, tmp_path):
     assert status == 0
     assert "does the eye stand inside an object?" in err
     assert "to see them whole: --from" in err
+
+
+def test_the_bar_keeps_the_last_error_it_was_told():
+    from isetcl.render.progress import Progress, ProgressBar
+
+    bar = ProgressBar("tracing")
+    for error in (math.nan, 0.071, math.nan):
+        bar(Progress(0.1, error, 1.0))
+    assert bar._bar.tasks[0].fields["error"] == "error 7.1 %"

@@ -66,9 +66,10 @@ class ProgressBar:
 
     def __call__(self, progress: Progress) -> None:
         """Show a state."""
-        known = progress.error == progress.error
-        text = f"error {100 * progress.error:.2g} %" if known else ""
-        self._bar.update(self._task, completed=progress.fraction, error=text)
+        if progress.error == progress.error:
+            # Until the next one is known, the last error is that of the image Ctrl-C would keep.
+            self._bar.update(self._task, error=f"error {100 * progress.error:.2g} %")
+        self._bar.update(self._task, completed=progress.fraction)
 
 
 class Silence:
