@@ -102,6 +102,30 @@ def features() -> str:
     )
 
 
+def path_features() -> str:
+    record = load("path_features")
+    rows = [
+        (name.removeprefix("has_").replace("_", " "), *costs.values())
+        for name, costs in record["cpu_ns_a_path"].items()
+    ]
+    forest = [
+        (name, r["ns_a_path"], r["hierarchy_mb"], r["prepare_s"])
+        for name, r in record["forest"].items()
+    ]
+    return "\n\n".join(
+        [
+            "## What a feature of a lit scene costs\n\n" + where(record),
+            'The scene "planes" of the section above, and what one more feature costs it: left '
+            "out (the kernel the plan makes), compiled in but not used, used. A used feature may "
+            "change how many paths are scattered: its column is not the price of the code alone.",
+            table(("feature, CPU ns a path", "left out", "in, unused", "used"), rows),
+            "A forest of 400 alike trees of 20,480 triangles, as instances of one mesh and with "
+            "all triangles in place.",
+            table(("", "CPU ns a path", "hierarchies (MB)", "seconds to prepare"), forest),
+        ]
+    )
+
+
 def mesh() -> str:
     record = load("mesh")
     rows = rates(record)
@@ -112,8 +136,9 @@ def mesh() -> str:
     return "\n\n".join(
         [
             "## Rays against a mesh\n\n" + where(record),
-            "Closest hits of 1,048,576 rays on an icosphere of 81,920 triangles, both sides "
-            "watertight. embreex calls Embree ray by ray on one thread: compare CPU time.",
+            "Closest hits of 1,048,576 rays on an icosphere of 81,920 triangles: from random "
+            "places, parallel on a grid, and from a lens of 4 mm focused on the ball. Both sides "
+            "are watertight. embreex calls Embree ray by ray on one thread: compare CPU time.",
             table(("", "million rays/s", "CPU ns a ray", "spread"), rows),
             table(
                 ("CPU time of embreex over ours", "times"),
@@ -134,8 +159,7 @@ def paths() -> str:
         "## Paths in a lit scene\n\n" + where(record),
         'An even sky and a lamp; "planes": two boards, one scattering; "mesh": a ball of 81,920 '
         "triangles on a floor before a wall, up to four. A path carries four wavelengths on both "
-        "sides; Mitsuba's starts at a thin lens. Mitsuba follows many paths in the lanes of one "
-        "vector, the stages of isetcl after the eye one path at a time.",
+        "sides; Mitsuba's starts at a thin lens.",
         table(("", "million camera paths/s", "CPU ns a path", "spread"), rows),
     ]
     if ratios:
@@ -215,7 +239,17 @@ This page is written by `python benchmarks/summary.py` from the JSON files in `r
 
 
 def page() -> str:
-    sections = (trace_rays, direct, features, mesh, paths, startup, paper_scene, convergence)
+    sections = (
+        trace_rays,
+        direct,
+        features,
+        mesh,
+        paths,
+        path_features,
+        startup,
+        paper_scene,
+        convergence,
+    )
     return "\n\n".join([HEAD, *(section() for section in sections)]) + "\n"
 
 

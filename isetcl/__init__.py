@@ -31,11 +31,13 @@ from isetcl.eye.rays import RayBundle, RayStatus
 
 # The function `render` takes the place of the package of the same name as an attribute of isetcl;
 # `from isetcl.render.plan import ...` goes on working.
+from isetcl.render.pinhole import pinhole
 from isetcl.render.plan import Plan, plan
 from isetcl.render.render import render
 from isetcl.render.trace import trace_rays
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
+from isetcl.retina.pinhole_view import PinholeView
 from isetcl.scene import targets as scenes
 from isetcl.scene.colour import (
     blackbody,
@@ -95,6 +97,7 @@ __all__ = [
     "Mix",
     "NavarroDispersion",
     "OutOfMemoryError",
+    "PinholeView",
     "Plan",
     "PointLight",
     "Quad",
@@ -125,6 +128,7 @@ __all__ = [
     "load_mesh_scene",
     "load_scene",
     "load_spd",
+    "pinhole",
     "plan",
     "psf_baseline",
     "radiance_of_rgb",

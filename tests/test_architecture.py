@@ -81,9 +81,12 @@ def test_the_baseline_imports_neither_renderer_nor_opencl():
         assert "pyopencl" not in path.read_text()
 
 
+PIPELINES = ("direct", "paths", "stages", "trees", "device_scene", "survey")
+
+
 def test_only_the_device_layer_and_the_pipeline_touch_opencl():
     users = {str(p.relative_to(PACKAGE)) for p in FILES if "import pyopencl" in p.read_text()}
-    pipelines = {"render/direct.py", "render/paths.py", "render/stages.py", "render/trees.py"}
+    pipelines = {f"render/{name}.py" for name in PIPELINES}
     assert all(u.startswith("device/") or u in pipelines for u in users)
 
 

@@ -208,6 +208,8 @@ def test_tiles_do_not_change_a_bit(monkeypatch):
     lamp = ic.SceneObject("lamp", ic.Sphere((0.3, 0.2, -0.5), 0.1), ic.Emission(UNIT))
     where = {"fov_deg": 6.0, "resolution": (70, 50), "spp": 20, "bands": 2, "max_bounces": 3}
     whole = ic.render(lit_wall(lamp), EYE, **where, wavelengths_nm=[450.0, 650.0])
+    # Of kernels that follow bundles of paths, and of those that take turns over a tile.
+    monkeypatch.setattr(plan_module, "_TILE_FILM_BYTES", 2 * 16 * 1100)
     monkeypatch.setattr(plan_module, "_TILE_PATHS_BYTES", 2 * 8 * 160 * 1100)
     parts = ic.render(lit_wall(lamp), EYE, **where, wavelengths_nm=[450.0, 650.0])
     assert parts.provenance["tile"] != whole.provenance["tile"]
@@ -350,6 +352,7 @@ def test_a_light_field_sends_each_direction_its_view(precision):
     assert expected[0] - expected[-1] > 3.0
 
 
+@pytest.mark.filterwarnings("ignore:no light of scene")
 def test_a_light_field_is_dark_from_behind_and_lights_a_wall():
     """Views alike: it shines as an even front does; on a wall too, within 3 standard errors."""
     even_views = ic.LightField(np.ones((2, 2, 3, 3)), (178.0, 178.0))
@@ -366,3 +369,37 @@ def test_a_light_field_is_dark_from_behind_and_lights_a_wall():
     assert found["views", dark][0] == found["even", dark][0] == 0.0
     a, b = found["views", lit], found["even", lit]
     assert a[0] == pytest.approx(b[0], abs=4 * np.hypot(a[1], b[1]) + 1e-3 * b[0])
+
+
+def test_pictures_are_read_as_wide_as_the_ray(monkeypatch):
+    """A floor of random texels: far away a pixel covers many, near by it does not cover one.
+
+    Levels keep the mean, and take the noise away that single texels make.
+    """
+    from isetcl.render import plan_paths
+
+    texels = np.random.default_rng(5).integers(0, 2, size=(1024, 1024)).astype(float)
+    floor = ic.Quad((-2.0, -0.3, 0.0), (4.0, 0, 0), (0, 0, -8.0))
+    # Light of its own, turned to a wall's light by a material that keeps the path pipeline.
+    item = ic.SceneObject(
+        "floor", floor, ic.Emission(UNIT, ic.Image(texels, wrap="repeat", repeats=(16, 16)))
+    )
+    scene = ic.Scene((item, hidden_mesh()))
+    where = {"fov_deg": 30.0, "resolution": 32, "centre_deg": (0.0, -17.0), **ONE}
+    truth = ic.render(scene, EYE, spp=2048, seed=3, **where).irradiance.values[0]
+    with_levels = ic.render(scene, EYE, spp=8, **where)
+    assert ic.plan(scene, EYE, **where).config.has_levels
+    monkeypatch.setattr(plan_paths, "SMALLEST_LEVEL", 1 << 20)
+    assert not ic.plan(scene, EYE, **where).config.has_levels
+    without = ic.render(scene, EYE, spp=8, **where)
+    sharp = ic.render(scene, EYE, spp=2048, seed=4, **where).irradiance.values[0]
+    scale = truth.mean()
+    # The plan has averaged for the nearest part already; farther rows gain.
+    far = slice(2, 9)
+    assert np.sqrt(np.mean((truth - sharp) ** 2)) < 0.02 * scale
+    assert truth.mean() == pytest.approx(sharp.mean(), rel=2e-3)
+    noise = [
+        np.sqrt(np.mean((image.irradiance.values[0] - truth)[far] ** 2)) / scale
+        for image in (with_levels, without)
+    ]
+    assert noise[0] < 0.5 * noise[1]

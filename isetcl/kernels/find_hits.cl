@@ -29,7 +29,7 @@ kernel void find_hits(const int n_alive, global const int *restrict alive, const
   const triangles_t triangles = {corners, corners, uvs};
   const looks_t looks = {objects, 0, textures, 0, texels, 0, 0};
   const paths_t paths = {origin, direction, weight, distance, hit_uv, object, triangle, 0, 0,
-                         0,      passed,    0,      0,        0,      0,      0,        n_slots};
+                         0,      passed,    0,      0,        0,      0,      0,        0, n_slots};
   slotsv at;
   slots_of(alive, first, n_alive, is_first, &at);
   find_group(&shapes, &triangles, &looks, &paths, &at, is_first, stream);
@@ -54,8 +54,8 @@ kernel void connect(const int n_shadowed, global const int *restrict shadowed, c
   const shapes_t shapes = {world, flats, balls, nodes, blocks, triangle_object, instances};
   const triangles_t triangles = {corners, corners, uvs};
   const looks_t looks = {objects, 0, textures, 0, texels, 0, 0};
-  const paths_t paths = {0, 0, 0, 0,      0,         0,    0,     0,      radiance,
-                         0, 0, 0, origin, direction, most, light, n_slots};
+  const paths_t paths = {0, 0, 0, 0, 0,      0,         0,    0,     radiance,
+                         0, 0, 0, 0, origin, direction, most, light, n_slots};
   slotsv at;
   slots_of(shadowed, first, n_shadowed, 0, &at);
   connect_group(&shapes, &triangles, &looks, &paths, &at);

@@ -27,15 +27,16 @@ kernel void follow_paths(
     global const int *restrict band_first, constant tile_t *tile, const uint first_sample,
     const int n_samples, const uint block, const int bits, const uint stream,
     const int max_bounces, const int most_segments, const int n_padded,
-    global real *restrict film) {
+    global const real *restrict starts, global real *restrict film) {
   const int first_pixel = (int)get_global_id(0) * GROUP_PIXELS;
   const int band = get_global_id(1);
   local real origin[3 * GROUP_PATHS], direction[3 * GROUP_PATHS], weight[GROUP_PATHS];
   local real distance[GROUP_PATHS], hit_uv[2 * GROUP_PATHS];
   local int object[GROUP_PATHS], triangle[GROUP_PATHS];
   local real throughput[4 * GROUP_PATHS], radiance[4 * GROUP_PATHS], last_density[GROUP_PATHS];
-  local real passed[HAS_ADDITIVE ? GROUP_PATHS : 1];
+  local real passed[HAS_ADDITIVE || STARTS_GIVEN ? GROUP_PATHS : 1];
   local int bounces[HAS_ADDITIVE ? GROUP_PATHS : 1];
+  local real ray_width[HAS_LEVELS ? GROUP_PATHS : 1];
   local real shadow_origin[HAS_LIGHTS ? 3 * GROUP_PATHS : 1];
   local real shadow_direction[HAS_LIGHTS ? 3 * GROUP_PATHS : 1];
   local real shadow_most[HAS_LIGHTS ? GROUP_PATHS : 1];
@@ -45,7 +46,7 @@ kernel void follow_paths(
   const paths_t paths = {origin,        direction,        weight,      distance,
                          hit_uv,        object,           triangle,    throughput,
                          radiance,      last_density,     passed,      bounces,
-                         shadow_origin, shadow_direction, shadow_most, shadow_light,
+                         ray_width,     shadow_origin, shadow_direction, shadow_most, shadow_light,
                          n_slots};
   const shapes_t shapes = {world, flats, balls, nodes, blocks, triangle_object, instances};
   const triangles_t triangles = {corners, normals, uvs};
@@ -55,6 +56,15 @@ kernel void follow_paths(
   /* Leave the eye. */
   for (int first = 0; first < n_slots; first += WIDTH) {
     const int sample = first / GROUP_PIXELS, pixel = first - sample * GROUP_PIXELS;
+#if STARTS_GIVEN
+    const size_t group = (size_t)(first_pixel + pixel) / WIDTH, plane = (size_t)n_padded / WIDTH;
+    for (int k = 0; k < 3; ++k) {
+      store_plane(load_lanes(starts, group + k * plane), origin + k * n_slots, first);
+      store_plane(load_lanes(starts, group + (3 + k) * plane), direction + k * n_slots, first);
+    }
+    store_plane((realv)1, weight, first);
+    store_plane(load_lanes(starts, group + 6 * plane), passed, first);
+#else
     startv start;
     start_group(camera, pupils + band, elements + band * n_elements, n_elements,
                 first_pixel + pixel, (uint)band * block + first_sample + (uint)sample, stream,
@@ -66,6 +76,7 @@ kernel void follow_paths(
     store_plane(start.dy, direction + n_slots, first);
     store_plane(start.dz, direction + 2 * n_slots, first);
     store_plane(start.weight, weight, first);
+#endif
   }
   /* Meet, shade and connect until no path is left. */
   int alive = n_slots;

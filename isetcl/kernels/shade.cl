@@ -14,7 +14,8 @@ kernel void shade(
     global real *restrict hit_uv, global real *restrict origin,
     global real *restrict direction, global real *restrict throughput,
     global real *restrict radiance, global real *restrict last_density,
-    global real *restrict passed, global int *restrict bounces, constant world_t *world,
+    global real *restrict passed, global int *restrict bounces, global real *restrict ray_width,
+    constant world_t *world,
     constant flat_t *flats, constant ball_t *balls, global const instance_t *restrict instances,
     global const object_t *restrict objects, global const substance_t *restrict substances,
     global const texture_t *restrict textures, global const light_t *restrict lights,
@@ -36,6 +37,7 @@ kernel void shade(
   const paths_t paths = {origin,        direction,        weight,      distance,
                          hit_uv,        hit_object,       hit_triangle, throughput,
                          radiance,      last_density,     passed,      bounces,
+                         ray_width,
                          shadow_origin, shadow_direction, shadow_most, shadow_light,
                          n_slots};
   const samples_t samples = {tile, band_first, n_bands, n_padded, bits, first_sample, block, stream,

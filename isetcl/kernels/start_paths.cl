@@ -13,7 +13,8 @@ kernel void start_paths(constant camera_t *camera, constant pupil_t *pupils,
                         constant element_t *elements, const int n_elements, const uint first,
                         const uint block, const uint stream, const int n_padded,
                         const int n_slots, global real *restrict origin,
-                        global real *restrict direction, global real *restrict weight) {
+                        global real *restrict direction, global real *restrict weight,
+                        global real *restrict passed) {
   const size_t group = get_global_id(0);
   const uint band = get_global_id(1), bands = get_global_size(1), number = get_global_id(2);
   startv start;
@@ -28,4 +29,24 @@ kernel void start_paths(constant camera_t *camera, constant pupil_t *pupils,
   store_lanes(start.dy, direction, at + plane);
   store_lanes(start.dz, direction, at + 2 * plane);
   store_lanes(start.weight, weight, at);
+}
+
+/* given_paths - the same for given rays, which all samples of a pixel share.
+ *
+ * starts   planes of origin, direction and the distance beyond which surfaces are looked for
+ */
+kernel void given_paths(global const real *restrict starts, const uint first, const uint block,
+                        const uint stream, const int n_padded, const int n_slots,
+                        global real *restrict origin, global real *restrict direction,
+                        global real *restrict weight, global real *restrict passed) {
+  const size_t group = get_global_id(0);
+  const uint band = get_global_id(1), bands = get_global_size(1), number = get_global_id(2);
+  const size_t at = (((size_t)number * bands + band) * n_padded) / WIDTH + group;
+  const size_t plane = (size_t)n_slots / WIDTH, from = (size_t)n_padded / WIDTH;
+  for (int k = 0; k < 3; ++k) {
+    store_lanes(load_lanes(starts, group + k * from), origin, at + k * plane);
+    store_lanes(load_lanes(starts, group + (3 + k) * from), direction, at + k * plane);
+  }
+  store_lanes((realv)1, weight, at);
+  store_lanes(load_lanes(starts, group + 6 * from), passed, at);
 }

@@ -117,8 +117,18 @@ class Film:
             errors.append(accumulator.standard_error()[-1].ravel())
         return relative_error(np.concatenate(values), np.concatenate(errors))
 
-    def image(self, details: dict[str, Any]) -> RetinalImage:
-        """The image with its standard error, in the plan's precision."""
+    def image(
+        self, details: dict[str, Any], surfaces: dict[str, Any] | None = None
+    ) -> RetinalImage:
+        """The image with its standard error, in the plan's precision.
+
+        Parameters
+        ----------
+        details
+            More for the provenance.
+        surfaces
+            Variables that say what the pixels look at; None finds vergences on the host.
+        """
         prepared = self._plan
         dtype = np.float32 if prepared.config.precision == "single" else np.float64
         shape = (len(prepared.wavelengths_nm), *prepared.grid.shape)
@@ -141,7 +151,10 @@ class Film:
             irradiance,
             standard_error=standard_error,
             illuminance_standard_error=photopic_error,
-            vergence_dpt=vergence_map(prepared.scene, prepared.grid),
+            vergence_dpt=(
+                vergence_map(prepared.scene, prepared.grid) if surfaces is None else None
+            ),
+            surfaces=surfaces,
             provenance=self._provenance() | details,
         )
 
@@ -152,6 +165,7 @@ class Film:
             "version": __version__,
             "scene": prepared.scene.name,
             "scene_digest": prepared.scene.digest(),
+            "object_names": [item.name for item in prepared.scene.objects],
             "seed": self._seed,
             "samples_per_pixel": self.samples,
             "replicates": self.replicates,

@@ -83,6 +83,9 @@ SAMPLES_AT_ONCE = 8
 sums are the same too."""
 
 
+TEXELS_PER_FOOTPRINT = 4
+"""Texels that a pixel may cover before pictures are averaged down."""
+
 MOST_PASSES = 64
 """Cut-out or additive surfaces that a ray may pass one after the other."""
 
@@ -113,6 +116,8 @@ class PathConfig:
         Times a path may be scattered; 0 if nothing scatters.
     is_fused
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
+    starts_given
+        Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
     has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
@@ -121,6 +126,8 @@ class PathConfig:
         Whether any mesh has shading normals or texture coordinates.
     has_pictures, has_grids, has_light_fields
         Textures on any shape.
+    has_levels
+        Pictures averaged down level by level, read by the width of the ray.
     has_reflection, has_lights
         Surfaces that scatter, and lights with a place that they can be lit by.
     has_translucent, has_mirrors, has_conductors, has_dielectrics, has_coated
@@ -139,6 +146,7 @@ class PathConfig:
     vector_width: int
     max_bounces: int
     is_fused: bool = False
+    starts_given: bool = False
     has_conics: bool = True
     has_aspheric_retina: bool = True
     has_far_side: bool = True
@@ -151,6 +159,7 @@ class PathConfig:
     has_normals: bool = True
     has_uv: bool = True
     has_pictures: bool = True
+    has_levels: bool = True
     has_grids: bool = True
     has_light_fields: bool = True
     has_reflection: bool = True
@@ -188,6 +197,7 @@ class PathConfig:
         )
         return device.defines(self.precision, path_width(device, self.precision)) | {
             "PATHS_ARE_LOCAL": int(self.is_fused),
+            "STARTS_GIVEN": int(self.starts_given),
             "GROUP_PIXELS": GROUP_PIXELS,
             "SAMPLES_AT_ONCE": SAMPLES_AT_ONCE,
             "PATHS_AN_ITEM": paths_an_item(device),
@@ -202,6 +212,8 @@ class PathConfig:
             "HAS_NORMALS": int(self.has_normals),
             "HAS_UV": int(self.has_uv),
             "HAS_PICTURES": int(self.has_pictures),
+            "HAS_LEVELS": int(self.has_levels),
+            "MOST_TEXELS": TEXELS_PER_FOOTPRINT,
             "HAS_GRIDS": int(self.has_grids),
             "HAS_LIGHT_FIELDS": int(self.has_light_fields),
             "HAS_REFLECTION": int(self.has_reflection),

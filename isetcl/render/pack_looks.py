@@ -37,6 +37,12 @@ class SubstanceKind(IntEnum):
     TWO_SIDED = 6
 
 
+MOST_LEVELS = 16
+"""Levels of a picture, each half as wide as the one before."""
+
+SMALLEST_LEVEL = 8
+"""Texels across the smallest level."""
+
 TEXTURE = Struct(
     "texture_t",
     (
@@ -55,6 +61,8 @@ TEXTURE = Struct(
         Member("bright"),
         Member("dark"),
         Member("line_width"),
+        Member("levels", "int"),
+        Member("level_first", "int", length=MOST_LEVELS),
     ),
 )
 SUBSTANCE = Struct(
@@ -94,6 +102,17 @@ def inner_reflectance(index: np.ndarray) -> np.ndarray:
     across = (index * cosine - out) / (index * cosine + out)
     fresnel = 0.5 * (along**2 + across**2)
     return np.sum(2.0 * cosine * fresnel * step, axis=-1) + low[..., 0] ** 2
+
+
+def _planes(image: Image) -> np.ndarray:
+    """Texels, one channel behind the other."""
+    return image.texels.reshape(*image.shape, image.channels).transpose(2, 0, 1)
+
+
+def _levels(image: Image) -> list[Image]:
+    """A picture and its averages, down to about SMALLEST_LEVEL texels across."""
+    count = int(np.log2(max(1.0, max(image.shape) / SMALLEST_LEVEL)))
+    return [image.halved(times) for times in range(min(count + 1, MOST_LEVELS))]
 
 
 class Looks:
@@ -190,8 +209,9 @@ class Looks:
             record["repeats"] = texture.wrap == "repeat"
             record["periods_u"], record["periods_v"] = texture.repeats
             record["offset_u"], record["offset_v"] = texture.offset
-            planes = texture.texels.reshape(*texture.shape, texture.channels).transpose(2, 0, 1)
-            record["first"] = self.table(planes)
+            firsts = [self.table(_planes(level)) for level in _levels(texture)]
+            record["first"], record["levels"] = firsts[0], len(firsts)
+            record["level_first"][0, : len(firsts)] = firsts
         return record
 
     def substance(self, material: Material) -> int:

@@ -15,7 +15,7 @@ from isetcl.scene.light import Environment
 from isetcl.scene.light_field import LightField
 from isetcl.scene.material import Emission
 from isetcl.scene.mesh import Instance, Mesh
-from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
+from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Shape, Sphere
 from isetcl.scene.texture import Image
 from isetcl.scene.view import plane_axes
 
@@ -66,6 +66,8 @@ OBJECT = Struct(
         Member("opacity_texture", "int"),
         Member("opacity"),
         Member("density"),
+        Member("turns_u"),
+        Member("turns_v"),
     ),
 )
 FLAT = Struct(
@@ -100,6 +102,7 @@ TILE = Struct(
         Member("y", "int"),
         Member("columns", "int"),
         Member("image_width", "int"),
+        Member("pixel_rad"),
     ),
 )
 
@@ -202,6 +205,19 @@ def in_place(item: SceneObject) -> Mesh | None:
     return None
 
 
+def _turns(shape: Shape) -> tuple[float, float]:
+    """Texture coordinates a metre along u and v; of meshes, in terms of those of a triangle."""
+    if isinstance(shape, Sphere):
+        return 1.0 / (2.0 * np.pi * shape.radius_m), 1.0 / (np.pi * shape.radius_m)
+    if isinstance(shape, Instance):
+        scale = float(np.cbrt(abs(np.linalg.det(shape.matrix[:3, :3]))))
+        return 1.0 / scale, 1.0 / scale
+    if isinstance(shape, Mesh):
+        return 1.0, 1.0
+    quad = shape.bounding_quad() if isinstance(shape, Disc) else shape
+    return 1.0 / float(np.linalg.norm(quad.edge_u_m)), 1.0 / float(np.linalg.norm(quad.edge_v_m))
+
+
 class _Packer:
     """Collects records object by object."""
 
@@ -294,6 +310,7 @@ class _Packer:
             record["shines_behind"] = not one_sided
             record["is_additive"] = isinstance(emitted, Emission) and emitted.is_additive
         record["opacity"], record["opacity_texture"] = looks.level(item.opacity)
+        record["turns_u"], record["turns_v"] = _turns(item.shape)
 
     def _shape(self, item: SceneObject, index: int) -> tuple[ShapeKind, int]:
         shape, mesh = item.shape, in_place(item)

@@ -7,6 +7,7 @@ in device memory; only the numbers of those alive come back. Both give the same 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -19,11 +20,11 @@ from isetcl.device.tracer import pack_elements, travel_order
 from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack, pack_paths
+from isetcl.render.device_scene import DeviceScene
 from isetcl.render.direct import Tile, tiles
 from isetcl.render.kernel_config import GROUP_PIXELS, SAMPLES_AT_ONCE, PathConfig, path_width
 from isetcl.render.plan import Plan
 from isetcl.render.stages import PathStages, SceneArguments
-from isetcl.render.trees import SceneTrees
 
 if TYPE_CHECKING:
     import pyopencl
@@ -45,7 +46,8 @@ class PathPipeline:
         self._padded = self._pad(columns * rows)
         try:
             self._upload_eye()
-            self._upload_scene()
+            self.scene = DeviceScene(plan)
+            self._upload_bands()
             self._film = self._buffer(self._n_bands * 4 * self._padded)
             self._build()
         except (cl.MemoryError, cl.LogicError) as error:
@@ -83,34 +85,39 @@ class PathPipeline:
         self._elements = self._upload(np.concatenate(packed))
         self._n_elements = len(sequences[0])
 
-    def _upload_scene(self) -> None:
-        plan, precision = self._plan, self._config.precision
-        assert isinstance(plan.images, dict)
-        packed = pack_paths.pack_paths(
-            plan.scene, plan.images, plan.wavelengths_nm, plan.band_choice.bands, precision
-        )
-        none = np.zeros(16, dtype=self._real)
-        trees = SceneTrees(self._device, packed, precision)
-        self._stack_size = trees.stack_size
-        self._nodes, self._blocks = trees.nodes, trees.blocks
-        self._instances = self._upload(trees.instances)
-        self._records = {name: self._upload(array) for name, array in trees.records.items()}
-        self._texels = self._upload(packed.texels)
-        self._spectra = self._upload(packed.spectra)
-        self._n_columns = packed.spectra.shape[1]
-        corners = packed.triangles.reshape(-1, 9).astype(self._real)
-        self._corners = self._upload(corners if len(corners) else none)
-        self._normals = self._upload(none if packed.normals is None else packed.normals)
-        self._uvs = self._upload(none if packed.uvs is None else packed.uvs)
-        self._owner = self._upload(packed.triangle_object)
-        firsts = np.array([band.first for band in plan.band_choice.bands], dtype=np.int32)
+    def _upload_bands(self) -> None:
+        firsts = np.array([band.first for band in self._plan.band_choice.bands], dtype=np.int32)
         self._band_first = self._upload(firsts)
-        self._tile_record = np.zeros(1, dtype=pack_paths.TILE.dtype(precision))
+        self._tile_record = np.zeros(1, dtype=pack_paths.TILE.dtype(self._config.precision))
         self._tile_buffer = self._upload(self._tile_record)
+        if not self._config.starts_given:
+            self._tile_record["pixel_rad"] = math.radians(min(self._plan.grid.pitch_deg))
+        self._starts = self._upload(np.zeros(16, dtype=self._real))
+
+    def start_from(
+        self, origins_m: np.ndarray, directions: np.ndarray, least_m: np.ndarray
+    ) -> None:
+        """Begin the paths of a one-tile image with given rays, those of a pixel with the same.
+
+        Parameters
+        ----------
+        origins_m, directions : ndarray, (rows, columns, 3)
+            Rays of all pixels; directions are unit vectors.
+        least_m : ndarray, (rows, columns)
+            Distances beyond which they look for surfaces.
+        """
+        assert self._config.starts_given
+        pixels = least_m.size
+        planes = np.zeros((7, self._pad(pixels)), dtype=self._real)
+        planes[5] = -1.0
+        planes[:3, :pixels] = origins_m.reshape(-1, 3).T
+        planes[3:6, :pixels] = directions.reshape(-1, 3).T
+        planes[6, :pixels] = least_m.ravel()
+        self._starts = self._upload(planes)
 
     def _build(self) -> None:
         device, config = self._device, self._config
-        defines = config.path_defines(device) | {"STACK_SIZE": self._stack_size}
+        defines = config.path_defines(device) | {"STACK_SIZE": self.scene.stack_size}
         declarations = pack_paths.declarations() + pack.sobol_declaration()
         eye_declarations = ray_declarations() + pack.eye_declarations()
         self._stages = None
@@ -131,7 +138,8 @@ class PathPipeline:
         find = program.assemble("find_hits.cl", defines, declarations)
         shade = program.assemble("shade.cl", defines, declarations)
         self.kernel_digest = program.digest(start + find + shade)
-        self._start = program.kernel(device, start, "start_paths")
+        entry = "given_paths" if config.starts_given else "start_paths"
+        self._start = program.kernel(device, start, entry)
         slots = self._padded * self._n_bands * SAMPLES_AT_ONCE
         self._stages = PathStages(device, config, slots, find, shade)
 
@@ -186,27 +194,20 @@ class PathPipeline:
     def _eye_arguments(self) -> tuple[Any, ...]:
         return (self._camera_buffer, self._pupils, self._elements, np.int32(self._n_elements))
 
-    def _surfaces(self) -> tuple[Any, ...]:
-        """What rays are asked about."""
-        shapes = (self._records[name] for name in ("world", "flats", "balls"))
-        return (*shapes, self._nodes, self._blocks, self._owner, self._instances)
+    def _start_arguments(self) -> tuple[Any, ...]:
+        if self._config.starts_given:
+            return (self._starts,)
+        return self._eye_arguments()
 
     def _follow_all(self, padded: int, samples: tuple[int, int, int, int, int]) -> None:
         """One launch for all bounces."""
         import pyopencl as cl
 
         first, count, block, bits, stream = samples
-        records = self._records
         self._follow.set_args(
             *self._eye_arguments(),
-            *self._surfaces(),
-            *(records[name] for name in ("objects", "substances", "textures", "lights")),
-            self._texels,
-            self._corners,
-            self._normals,
-            self._uvs,
-            self._spectra,
-            np.int32(self._n_columns),
+            *self.scene.surfaces(),
+            *self.scene.looks(),
             self._band_first,
             self._tile_buffer,
             np.uint32(first),
@@ -217,6 +218,7 @@ class PathPipeline:
             np.int32(self._config.max_bounces),
             np.int32(self._config.most_segments),
             np.int32(padded),
+            self._starts,
             self._film,
         )
         size = (padded // GROUP_PIXELS, self._n_bands)
@@ -225,20 +227,11 @@ class PathPipeline:
     def _take_turns(self, padded: int, samples: tuple[int, int, int, int, int]) -> None:
         """Launch stage after stage until no path is left."""
         assert self._stages is not None
-        records = self._records
         scene = SceneArguments(
-            self._surfaces(),
-            (records["objects"], records["textures"], self._texels, self._corners, self._uvs),
+            self.scene.surfaces(),
+            self.scene.openings(),
             (
-                *(records[name] for name in ("world", "flats", "balls")),
-                self._instances,
-                *(records[name] for name in ("objects", "substances", "textures", "lights")),
-                self._texels,
-                self._corners,
-                self._normals,
-                self._uvs,
-                self._spectra,
-                np.int32(self._n_columns),
+                *self.scene.shading(),
                 self._band_first,
                 np.int32(self._n_bands),
                 np.int32(padded),
@@ -246,7 +239,7 @@ class PathPipeline:
             ),
         )
         self._stages.run(
-            (self._start, self._eye_arguments()),
+            (self._start, self._start_arguments()),
             scene,
             samples,
             (padded, self._n_bands),

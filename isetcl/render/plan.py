@@ -24,10 +24,14 @@ from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
-from isetcl.render.kernel_config import SAMPLES_AT_ONCE, KernelConfig, PathConfig
+from isetcl.render.kernel_config import (
+    SAMPLES_AT_ONCE,
+    TEXELS_PER_FOOTPRINT,
+    KernelConfig,
+    PathConfig,
+)
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
 from isetcl.render.plan_paths import (
-    TEXELS_PER_FOOTPRINT,
     check_mesh_memory,
     check_spectra,
     decide_bounces,
@@ -143,6 +147,7 @@ def plan(
     max_bounces: int = DEFAULT_BOUNCES,
     expected_error: float = 0.01,
     device: str | None = None,
+    pipeline: Literal["auto", "paths"] = "auto",
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -153,6 +158,8 @@ def plan(
     expected_error
         Relative error the image will have; decides how many bands are needed and whether packed
         textures are harmless.
+    pipeline
+        ``"paths"`` follows paths even where all surfaces only send out light.
 
     Raises
     ------
@@ -167,7 +174,8 @@ def plan(
     )
     check_eye_wavelengths(eye, wavelengths)
     max_bounces = check_count("max_bounces", max_bounces, 0, 1000)
-    is_direct = scene.is_flat_light
+    check_choice("pipeline", pipeline, ("auto", "paths"))
+    is_direct = scene.is_flat_light and pipeline == "auto"
     # Either way every spectrum must be known at all wavelengths.
     basis = spectral_basis(scene, wavelengths) if is_direct else None
     if not is_direct:

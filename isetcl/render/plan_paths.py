@@ -10,6 +10,8 @@ import numpy as np
 from isetcl import memory
 from isetcl.eye.field import direction_from_field
 from isetcl.render.decision import Decision, left_out
+from isetcl.render.kernel_config import TEXELS_PER_FOOTPRINT
+from isetcl.render.pack_looks import SMALLEST_LEVEL
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.light import Environment, SpotLight, light_spectrum
 from isetcl.scene.light_field import LightField
@@ -20,9 +22,6 @@ from isetcl.scene.specular import Conductor, Dielectric, Mirror
 from isetcl.scene.texture import TEXTURES, Grid, Image, Texture
 from isetcl.scene.view import intersect, texels_across
 from isetcl.units import MM_PER_M
-
-TEXELS_PER_FOOTPRINT = 4
-"""Texels that a pixel may cover before pictures are averaged down."""
 
 _BYTES_A_TRIANGLE = {"single": 900, "double": 1500}
 """Memory taken while the hierarchy of a mesh is built, bytes (measured with 1.3 million
@@ -256,6 +255,10 @@ def _texture_counts(scene: Scene) -> dict[str, tuple[str, int]]:
     )
     return {
         "has_pictures": ("images", sum(isinstance(texture, Image) for texture in textures)),
+        "has_levels": (
+            "pictures averaged by distance",
+            sum(isinstance(t, Image) and max(t.shape) >= 2 * SMALLEST_LEVEL for t in textures),
+        ),
         "has_grids": ("grids of lines", sum(isinstance(texture, Grid) for texture in textures)),
         "has_light_fields": ("light fields", _light_fields(scene)),
         "has_cutouts": ("cut-out surfaces", cutouts),

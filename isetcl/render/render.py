@@ -9,14 +9,16 @@ from typing import Literal
 import numpy as np
 
 from isetcl.device.layout import Precision
-from isetcl.errors import check_count
+from isetcl.errors import check_count, check_type
 from isetcl.eye.model import Eye
+from isetcl.render.device_scene import DeviceScene
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.film import Film
 from isetcl.render.goal import Goal
 from isetcl.render.interrupt import DeferredInterrupt
 from isetcl.render.kernel_config import KernelConfig
 from isetcl.render.paths import PathPipeline
+from isetcl.render.pinhole import look_at
 from isetcl.render.plan import DEFAULT_BOUNCES, check_memory, plan
 from isetcl.render.progress import Progress, ProgressCallback, display
 from isetcl.retina.image import RetinalImage
@@ -37,6 +39,7 @@ def render(
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
     max_bounces: int = DEFAULT_BOUNCES,
+    layers: bool = False,
     seed: int = 0,
     device: str | None = None,
     progress: bool | ProgressCallback | None = None,
@@ -73,6 +76,10 @@ def render(
     max_bounces
         Times light may be scattered between a light and the eye; 1 is direct light only. Nothing is
         scattered in scenes whose surfaces all send out light by themselves.
+    layers
+        Add what the pixels' chief rays meet as layers of the result: ``distance_m``, ``object``,
+        ``material``, ``position_m``, ``normal`` and ``albedo`` (see `PinholeView`), beside
+        ``vergence_dpt``, which every image has.
     seed
         Images of different seeds are independent.
     device
@@ -95,6 +102,7 @@ def render(
     """
     start = time.perf_counter()
     goal = Goal(spp, time_budget_s, target_error, start)
+    check_type("layers", layers, bool)
     seed = check_count("seed", seed, 0, (1 << 63) - 1)
     prepared = plan(
         scene,
@@ -129,10 +137,26 @@ def render(
             "be out of sight, or too small; the image is black and its error says nothing",
             stacklevel=2,
         )
-    return film.image(
-        {
-            "is_complete": is_complete,
-            "elapsed_s": time.perf_counter() - start,
-            "kernel": pipeline.kernel_digest,
-        }
+    details = {
+        "is_complete": is_complete,
+        "elapsed_s": time.perf_counter() - start,
+        "kernel": pipeline.kernel_digest,
+    }
+    is_simple = not scene.has_meshes and all(item.is_opaque for item in scene.objects)
+    if not layers and is_simple:
+        # The host looks at a few analytic shapes sooner than a kernel is built.
+        return film.image(details)
+    if isinstance(pipeline, PathPipeline):
+        return film.image(details, look_at(prepared, pipeline.scene, everything=layers))
+    surveyed = plan(
+        scene,
+        eye,
+        fov_deg=fov_deg,
+        resolution=resolution,
+        centre_deg=centre_deg,
+        wavelengths_nm=wavelengths_nm,
+        precision=prepared.config.precision,
+        device=device,
+        pipeline="paths",
     )
+    return film.image(details, look_at(surveyed, DeviceScene(surveyed), everything=True))

@@ -70,8 +70,9 @@ class PathStages:
         self._hit_object, self._hit_triangle = self._buffer(n, 4), self._buffer(n, 4)
         self._hit_uv = self._buffer(2 * n)
         self._throughput, self._radiance = self._buffer(4 * n), self._buffer(4 * n)
-        passing = n if self._config.has_additive else 1
+        passing = n if self._config.has_additive or self._config.starts_given else 1
         self._passed, self._bounces = self._buffer(passing), self._buffer(passing, 4)
+        self._width = self._buffer(n if self._config.has_levels else 1)
         self._last_density = self._buffer(n)
         self._alive = [self._buffer(n, 4), self._buffer(n, 4)]
         self._shadowed = self._buffer(n, 4)
@@ -137,6 +138,7 @@ class PathStages:
             self._origin,
             self._direction,
             self._weight,
+            self._passed,
         )
         work = (padded // self._config.vector_width, n_bands, count)
         group = 1 if self._device.is_cpu else self._device.work_group_size
@@ -210,6 +212,7 @@ class PathStages:
             self._last_density,
             self._passed,
             self._bounces,
+            self._width,
             *scene.shading,
             np.uint32(first),
             np.uint32(block),

@@ -57,10 +57,12 @@ class RetinalImage:
         standard_error: np.ndarray | None = None,
         illuminance_standard_error: np.ndarray | None = None,
         vergence_dpt: np.ndarray | None = None,
+        surfaces: dict[str, Any] | None = None,
         provenance: dict[str, Any] | None = None,
     ) -> RetinalImage:
         """An image from arrays on a grid; see the attributes for shapes and units.
 
+        `surfaces` are more variables on the grid, as `xarray.Dataset.assign` takes them.
         An image computed without noise has a standard error of zero.
         """
         import xarray
@@ -105,6 +107,10 @@ class RetinalImage:
                 vergence_dpt.astype(np.float32),
                 {"units": "m-1", "long_name": "vergence of the nearest object"},
             )
+        if surfaces:
+            dataset = dataset.assign(surfaces)
+            if "position_m" in surfaces:
+                dataset = dataset.assign_coords(axis=["x", "y", "z"])
         pupil = grid.eye.entrance_pupil(grid.wavelength_nm)
         details = {
             "format_version": FORMAT_VERSION,

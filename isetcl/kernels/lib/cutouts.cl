@@ -17,9 +17,10 @@ INLINE realv opacity_at(const shapes_t *shapes, const triangles_t *triangles,
     global const object_t *object = looks->objects + number;
     additive = additive | (here & mask_from_int((intv)(object->is_additive ? -1 : 0)));
     pointv point;
-    point.u = point.v = (realv)0;
-    if (object->opacity_texture >= 0) meet(shapes, triangles, object, ray, hit, here, &point);
-    realv value = opacity_of(looks, object, point.u, point.v);
+    point.at.u = point.at.v = point.at.width_u = point.at.width_v = (realv)0;
+    if (object->opacity_texture >= 0)
+      meet(shapes, triangles, object, ray, hit, here, (realv)0, &point);
+    realv value = opacity_of(looks, object, &point.at);
     opacity = here ? value : opacity;
   }
   *is_additive = additive;

@@ -15,8 +15,8 @@ INLINE void find_group(const shapes_t *shapes, const triangles_t *triangles,
   read_rays(paths->origin, paths->direction, paths->n_slots, at, &ray);
   maskv active = filled(at) & (read_plane(paths->weight, at) > 0);
   realv least = 0;
-#if HAS_ADDITIVE
-  if (!is_first) least = read_plane(paths->passed, at);
+#if HAS_ADDITIVE || STARTS_GIVEN
+  if (is_first ? STARTS_GIVEN : HAS_ADDITIVE) least = read_plane(paths->passed, at);
 #endif
   shape_hitv hit;
 #if HAS_ADDITIVE

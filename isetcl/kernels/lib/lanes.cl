@@ -121,6 +121,8 @@ INLINE realv dot3(realv ax, realv ay, realv az, realv bx, realv by, realv bz) {
   return mul_add(ax, bx, mul_add(ay, by, az * bz));
 }
 
+INLINE real magnitude1(real x) { return x < 0 ? -x : x; }
+
 INLINE realv largest4(const colourv *c) {
   return larger(larger(c->w[0], c->w[1]), larger(c->w[2], c->w[3]));
 }

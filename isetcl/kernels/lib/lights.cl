@@ -18,7 +18,7 @@ typedef struct {
 
 /* emitted4 - the radiance of an object at (u, v) into unit directions. */
 INLINE void emitted4(const shapes_t *shapes, const looks_t *looks, global const object_t *object,
-                     const bandv *band, realv u, realv v, realv dx, realv dy, realv dz,
+                     const bandv *band, const placev *at, realv dx, realv dy, realv dz,
                      colourv *value) {
 #if HAS_LIGHT_FIELDS
   if (object->emission_texture >= 0 &&
@@ -34,18 +34,18 @@ INLINE void emitted4(const shapes_t *shapes, const looks_t *looks, global const 
     /* Behind the surface there is no light. */
     realv inverse = ahead > 0 ? 1 / ahead : (realv)R(1e30);
     light_field4(texture, looks->texels, looks->spectra, looks->n_columns, object->emission, band,
-                 u, v, x * inverse * texture->periods_u, y * inverse * texture->periods_v, value);
+                 at->u, at->v, x * inverse * texture->periods_u, y * inverse * texture->periods_v, value);
     return;
   }
 #endif
   textured4(looks->textures, object->emission_texture, looks->texels, looks->spectra,
-            looks->n_columns, object->emission, band, u, v, value);
+            looks->n_columns, object->emission, band, at, value);
 }
 
-/* opacity_of - the share of an object that is there at (u, v). */
-INLINE realv opacity_of(const looks_t *looks, global const object_t *object, realv u, realv v) {
+/* opacity_of - the share of an object that is there. */
+INLINE realv opacity_of(const looks_t *looks, global const object_t *object, const placev *at) {
   if (object->opacity_texture < 0) return (realv)object->opacity;
-  return grey_weight(looks->textures + object->opacity_texture, looks->texels, u, v);
+  return grey_weight(looks->textures + object->opacity_texture, looks->texels, at);
 }
 
 #if HAS_BALLS
@@ -139,23 +139,23 @@ INLINE void sample_ball(const shapes_t *shapes, const looks_t *looks,
   maskv met = ball_hit(ball, &ray, on_it ? (realv)INFINITY : (realv)0, &distance);
   met = met & (distance > (on_it ? slack : (realv)0));
   sample->distance = met ? distance : (realv)0;
-  realv tu = 0, tv = 0;
+  placev on = {(realv)0, (realv)0, (realv)0, (realv)0};
 #if HAS_TEXTURED_BALLS
   if (object->emission_texture >= 0 || object->opacity_texture >= 0) {
     realv px = mul_add(distance, d.x, from->x - ball->centre[0]);
     realv py = mul_add(distance, d.y, from->y - ball->centre[1]);
     realv pz = mul_add(distance, d.z, from->z - ball->centre[2]);
     realv turn = turn_of(px, pz);
-    tu = turn < 0 ? turn + 1 : turn;
-    tv = mul_add((realv)2, turn_of(py, square_root(mul_add(px, px, pz * pz))), (realv)R(0.5));
+    on.u = turn < 0 ? turn + 1 : turn;
+    on.v = mul_add((realv)2, turn_of(py, square_root(mul_add(px, px, pz * pz))), (realv)R(0.5));
   }
 #endif
-  emitted4(shapes, looks, object, band, tu, tv, -d.x, -d.y, -d.z, &sample->light);
+  emitted4(shapes, looks, object, band, &on, -d.x, -d.y, -d.z, &sample->light);
   /* The nearer of two hits is seen from outside. */
   realv outside = distance < away * inner.z ? (realv)1 : (realv)0;
   realv scale = (object->shines_behind ? (realv)1 : outside) / sample->density;
 #if HAS_CUTOUTS
-  scale *= opacity_of(looks, object, tu, tv);
+  scale *= opacity_of(looks, object, &on);
 #endif
   scale = met ? scale : (realv)0;
   for (int k = 0; k < 4; ++k) sample->light.w[k] *= scale;
@@ -168,22 +168,22 @@ INLINE void sample_area(const shapes_t *shapes, const triangles_t *triangles,
                         global const object_t *object, const pointv *from, const bandv *band,
                         realv u, realv v, light_samplev *sample) {
   pointv on;
-  on.u = u, on.v = v;
+  on.at.u = u, on.at.v = v, on.at.width_u = on.at.width_v = (realv)0;
 #if HAS_FLATS
   if (object->kind == SHAPE_FLAT) {
     constant flat_t *flat = shapes->flats + object->first;
     if (flat->is_round) {
       realv a, b;
       concentric_disc(u, v, &a, &b);
-      on.u = mul_add((realv)R(0.5), a, (realv)R(0.5));
-      on.v = mul_add((realv)R(0.5), b, (realv)R(0.5));
+      on.at.u = mul_add((realv)R(0.5), a, (realv)R(0.5));
+      on.at.v = mul_add((realv)R(0.5), b, (realv)R(0.5));
     }
-    on.x = mul_add(on.u, (realv)flat->edge_u[0],
-                   mul_add(on.v, (realv)flat->edge_v[0], (realv)flat->corner[0]));
-    on.y = mul_add(on.u, (realv)flat->edge_u[1],
-                   mul_add(on.v, (realv)flat->edge_v[1], (realv)flat->corner[1]));
-    on.z = mul_add(on.u, (realv)flat->edge_u[2],
-                   mul_add(on.v, (realv)flat->edge_v[2], (realv)flat->corner[2]));
+    on.x = mul_add(on.at.u, (realv)flat->edge_u[0],
+                   mul_add(on.at.v, (realv)flat->edge_v[0], (realv)flat->corner[0]));
+    on.y = mul_add(on.at.u, (realv)flat->edge_u[1],
+                   mul_add(on.at.v, (realv)flat->edge_v[1], (realv)flat->corner[1]));
+    on.z = mul_add(on.at.u, (realv)flat->edge_u[2],
+                   mul_add(on.at.v, (realv)flat->edge_v[2], (realv)flat->corner[2]));
     on.nx = flat->normal[0], on.ny = flat->normal[1], on.nz = flat->normal[2];
   }
 #endif
@@ -207,10 +207,10 @@ INLINE void sample_area(const shapes_t *shapes, const triangles_t *triangles,
   sample->dx = x, sample->dy = y, sample->dz = z;
   sample->distance = lit ? d2 * inverse : (realv)0;
   sample->density = object->density * d2 / (lit ? cosine : (realv)1);
-  emitted4(shapes, looks, object, band, on.u, on.v, -x, -y, -z, &sample->light);
+  emitted4(shapes, looks, object, band, &on.at, -x, -y, -z, &sample->light);
   realv scale = lit ? 1 / sample->density : (realv)0;
 #if HAS_CUTOUTS
-  scale *= opacity_of(looks, object, on.u, on.v);
+  scale *= opacity_of(looks, object, &on.at);
 #endif
   for (int k = 0; k < 4; ++k) sample->light.w[k] *= scale;
 }
@@ -261,8 +261,9 @@ INLINE void environment_place(constant world_t *world, realv dx, realv dy, realv
 
 INLINE void environment4(constant world_t *world, const looks_t *looks, const bandv *band, realv u,
                          realv v, colourv *value) {
+  const placev at = {u, v, (realv)0, (realv)0};
   textured4(looks->textures, world->environment, looks->texels, looks->spectra, looks->n_columns,
-            world->background, band, u, v, value);
+            world->background, band, &at, value);
 }
 
 #if HAS_LIGHTS

@@ -9,6 +9,7 @@ typedef struct {
   PLANE real *throughput, *radiance, *last_density;   /* what they carry, and have found */
   PLANE real *passed;                                 /* where they look for surfaces from */
   PLANE int *bounces;
+  PLANE real *width;                                  /* of the rays, where they were last */
   PLANE real *shadow_origin, *shadow_direction, *shadow_most, *shadow_light;
   int n_slots;
 } paths_t;

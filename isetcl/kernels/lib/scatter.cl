@@ -4,9 +4,9 @@
 #include "lib/materials/materials.cl"
 
 /* level_at - a number or a grey texture of it. */
-INLINE realv level_at(const looks_t *looks, real value, int texture, realv u, realv v) {
+INLINE realv level_at(const looks_t *looks, real value, int texture, const placev *at) {
   if (texture < 0) return (realv)value;
-  return grey_weight(looks->textures + texture, looks->texels, u, v);
+  return grey_weight(looks->textures + texture, looks->texels, at);
 }
 
 /* resolve - the material of every lane, where materials are mixed or differ by side.
@@ -30,7 +30,7 @@ INLINE intv resolve(const looks_t *looks, intv substance, const pointv *point, r
         result = select_int(here, child, result);
       } else if (of->kind == SUBSTANCE_MIX) {
         is_done = 0;
-        realv weight = level_at(looks, of->weight, of->weight_texture, point->u, point->v);
+        realv weight = level_at(looks, of->weight, of->weight_texture, &point->at);
         maskv is_second = chance < weight;
         /* The rest of the number is as even as the number was. */
         realv rest = is_second ? chance / weight : (chance - weight) / (1 - weight);
@@ -54,7 +54,7 @@ INLINE void closure_of(const looks_t *looks, global const substance_t *of, const
   c->inner = (realv)0;
 #if HAS_MIRRORS || HAS_DIELECTRICS || HAS_COATED
   if (!of->is_polished)
-    c->alpha = larger(level_at(looks, of->roughness, of->roughness_texture, point->u, point->v),
+    c->alpha = larger(level_at(looks, of->roughness, of->roughness_texture, &point->at),
                       (realv)R(1e-3));
 #endif
 #if HAS_DIELECTRICS
@@ -71,7 +71,7 @@ INLINE void closure_of(const looks_t *looks, global const substance_t *of, const
   }
 #endif
   textured4(looks->textures, of->texture, looks->texels, looks->spectra, looks->n_columns, of->row,
-            band, point->u, point->v, &c->albedo);
+            band, &point->at, &c->albedo);
 #if HAS_TRANSLUCENT || HAS_CONDUCTORS
   if (of->other_row >= 0)
     spectrum4(looks->spectra, looks->n_columns, of->other_row, band, &c->other);

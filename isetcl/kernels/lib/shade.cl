@@ -7,6 +7,10 @@
 #include "lib/paths.cl"
 #include "lib/scatter.cl"
 
+/* How fast rays widen behind a surface that scatters them: little enough not to blur what is seen by
+ * way of them. */
+#define SCATTERED_SPREAD R(0.02)
+
 /* Samples of a launch, for the numbers that decide bounces. */
 typedef struct {
   constant tile_t *tile;
@@ -52,13 +56,14 @@ INLINE void number_paths(const samples_t *samples, const slotsv *at, uintv *pixe
 
 /* meet_all - the points that the paths of a group met, with what the surfaces there send out.
  *
+ * width      of the rays where they met something, metres
  * added      light found
  * substance  out: the material of every lane, -1 where the path ends
  * passing    out: lanes that go on straight through a surface which adds light
  */
 INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const looks_t *looks,
                      const pathv *ray, const shape_hitv *hit, const bandv *band, realv density,
-                     colourv *added, pointv *point, intv *substance, maskv *passing) {
+                     realv width, colourv *added, pointv *point, intv *substance, maskv *passing) {
   *substance = (intv)(-1);
   *passing = (maskv)(0);
   intv left = hit->object;
@@ -68,7 +73,7 @@ INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const
     if (number < 0) break;
     global const object_t *object = looks->objects + number;
     pointv one;
-    meet(shapes, triangles, object, ray, hit, here, &one);
+    meet(shapes, triangles, object, ray, hit, here, width, &one);
     *substance = select_int(here, (intv)object->substance, *substance);
     if (object->emission >= 0) {
       /* Weigh what is seen against finding the same place as a light. */
@@ -79,7 +84,7 @@ INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const
       share *= density > 0 ? density / (density + other) : (realv)1;
 #endif
       colourv sent;
-      emitted4(shapes, looks, object, band, one.u, one.v, -ray->dx, -ray->dy, -ray->dz, &sent);
+      emitted4(shapes, looks, object, band, &one.at, -ray->dx, -ray->dy, -ray->dz, &sent);
       for (int k = 0; k < 4; ++k) added->w[k] = here ? share * sent.w[k] : added->w[k];
     }
 #if HAS_ADDITIVE
@@ -94,8 +99,10 @@ INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const
     point->sx = here ? one.sx : point->sx;
     point->sy = here ? one.sy : point->sy;
     point->sz = here ? one.sz : point->sz;
-    point->u = here ? one.u : point->u;
-    point->v = here ? one.v : point->v;
+    point->at.u = here ? one.at.u : point->at.u;
+    point->at.v = here ? one.at.v : point->at.v;
+    point->at.width_u = here ? one.at.width_u : point->at.width_u;
+    point->at.width_v = here ? one.at.width_v : point->at.width_v;
     point->reach = here ? one.reach : point->reach;
     point->is_front = here ? one.is_front : point->is_front;
   }
@@ -225,15 +232,24 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
 #endif
   /* Light of the surroundings and of surfaces. */
   pointv point;
-  point.x = point.y = point.z = point.u = point.v = point.reach = (realv)0;
+  point.x = point.y = point.z = point.at.u = point.at.v = point.reach = (realv)0;
+  point.at.width_u = point.at.width_v = (realv)0;
   point.nx = point.ny = point.sx = point.sy = (realv)0;
   point.nz = point.sz = (realv)1;
   point.is_front = met;
   intv substance;
   maskv passing;
+  realv width = 0;
+#if HAS_LEVELS
+  /* As wide as a pixel on mirrors and before the first bounce, wider after others. */
+  realv spread = density < 0 ? (realv)samples->tile->pixel_rad : (realv)SCATTERED_SPREAD;
+  width = spread * (met ? hit.distance : (realv)0);
+  if (bounce > 0) width += read_plane(paths->width, at);
+  write_plane(width, paths->width, at);
+#endif
   add_background(shapes, looks, &ray, &band, density, alive & !met, &added);
   hit.object = select_int(met, hit.object, (intv)(-1));
-  meet_all(shapes, triangles, looks, &ray, &hit, &band, density, &added, &point, &substance,
+  meet_all(shapes, triangles, looks, &ray, &hit, &band, density, width, &added, &point, &substance,
            &passing);
   for (int k = 0; k < 4; ++k) seen.w[k] = mul_add(carried.w[k], added.w[k], seen.w[k]);
   write4(&seen, paths->radiance, n_slots, at);
@@ -278,10 +294,18 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
     realv out = side > 0 ? off : -off;
     write3(mul_add(out, point.nx, point.x), mul_add(out, point.ny, point.y),
            mul_add(out, point.nz, point.z), paths->shadow_origin, n_slots, at);
-    write3(light.dx, light.dy, light.dz, paths->shadow_direction, n_slots, at);
+    /* Aim anew from there, or a light seen at a grazing angle would lie behind itself. */
+    maskv is_near = light.distance < INFINITY;
+    realv reach = is_near ? light.distance : (realv)0;
+    realv tx = mul_add(reach, light.dx, -out * point.nx);
+    realv ty = mul_add(reach, light.dy, -out * point.ny);
+    realv tz = mul_add(reach, light.dz, -out * point.nz);
+    reach = normalised(&tx, &ty, &tz);
+    write3(is_near ? tx : light.dx, is_near ? ty : light.dy, is_near ? tz : light.dz,
+           paths->shadow_direction, n_slots, at);
     /* Stop short of the light itself. */
-    write_plane(mul_add(light.distance, (realv)(1 - 64 * ROUNDING), -2 * off), paths->shadow_most,
-                at);
+    realv most_near = mul_add(reach, (realv)(1 - 64 * ROUNDING), -2 * off);
+    write_plane(is_near ? most_near : (realv)INFINITY, paths->shadow_most, at);
     write4(&lit, paths->shadow_light, n_slots, at);
 #else
     bounce_all(looks, &ray, &point, &band, substance, chance, chance[6], &bounced);

@@ -3,6 +3,7 @@
 #include "lib/disc.cl"
 #include "lib/frame.cl"
 #include "lib/shapes.cl"
+#include "lib/texture.cl"
 #include "lib/turn.cl"
 
 /* Points of surfaces. The normals face the side the rays came from. */
@@ -10,7 +11,7 @@ typedef struct {
   realv x, y, z;
   realv nx, ny, nz; /* geometric normal */
   realv sx, sy, sz; /* shading normal */
-  realv u, v;       /* texture coordinates */
+  placev at;        /* on the textures */
   realv reach;      /* the largest coordinate that the place was computed from */
   maskv is_front;   /* whether the rays came from the side the surface faces */
 } pointv;
@@ -67,14 +68,21 @@ INLINE void triangle_point(const triangles_t *t, intv triangle, realv b, realv c
   point->reach = largest3(corner[0], corner[1], corner[2]);
   point->reach = larger(point->reach, largest3(corner[3], corner[4], corner[5]));
   point->reach = larger(point->reach, largest3(corner[6], corner[7], corner[8]));
-  point->u = point->v = (realv)0;
+  point->at.u = point->at.v = (realv)0;
 #if HAS_UV
   realv a = 1 - b - c;
   realv uv[6];
 #pragma unroll
   for (int k = 0; k < 6; ++k) uv[k] = of_triangle(t->uvs, triangle, 6, k);
-  point->u = mul_add(a, uv[0], mul_add(b, uv[2], c * uv[4]));
-  point->v = mul_add(a, uv[1], mul_add(b, uv[3], c * uv[5]));
+  point->at.u = mul_add(a, uv[0], mul_add(b, uv[2], c * uv[4]));
+  point->at.v = mul_add(a, uv[1], mul_add(b, uv[3], c * uv[5]));
+#if HAS_LEVELS
+  /* Texture coordinates a metre, from the areas of the triangle in both. */
+  realv area_uv = mul_add(uv[2] - uv[0], uv[5] - uv[1], -((uv[4] - uv[0]) * (uv[3] - uv[1])));
+  realv area2 = dot3(point->nx, point->ny, point->nz, point->nx, point->ny, point->nz);
+  realv scale = square_root(magnitude(area_uv) / square_root(larger(area2, (realv)R(1e-30))));
+  point->at.width_u *= scale, point->at.width_v *= scale;
+#endif
 #endif
 }
 
@@ -122,12 +130,17 @@ INLINE void place_point(global const instance_t *instance, pointv *p) {
 #endif
 #endif
 
-/* meet - the points of one object that rays hit. */
+/* meet - the points of one object that rays hit.
+ *
+ * width   of the rays there, metres
+ */
 INLINE void meet(const shapes_t *shapes, const triangles_t *triangles,
                  global const object_t *object, const pathv *ray, const shape_hitv *hit,
-                 maskv here, pointv *point) {
-  point->u = hit->u;
-  point->v = hit->v;
+                 maskv here, realv width, pointv *point) {
+  point->at.width_u = width * object->turns_u;
+  point->at.width_v = width * object->turns_v;
+  point->at.u = hit->u;
+  point->at.v = hit->v;
 #if HAS_FLATS
   if (object->kind == SHAPE_FLAT) {
     constant flat_t *flat = shapes->flats + object->first;
@@ -159,8 +172,8 @@ INLINE void meet(const shapes_t *shapes, const triangles_t *triangles,
                             (realv)ball->centre[2]) + ball->radius;
 #if HAS_TEXTURED_BALLS
     realv turn = turn_of(x, z);
-    point->u = turn < 0 ? turn + 1 : turn;
-    point->v = R(0.5) + turn_of(y, square_root(mul_add(x, x, z * z))) * 2;
+    point->at.u = turn < 0 ? turn + 1 : turn;
+    point->at.v = R(0.5) + turn_of(y, square_root(mul_add(x, x, z * z))) * 2;
 #endif
   }
 #endif

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -52,12 +54,17 @@ class Triangles:
 
 @dataclass(frozen=True, eq=False)
 class Round:
-    """A full sphere about the origin, or a full disc across z; `spare` is its tessellation."""
+    """A full sphere about the origin, or a full disc across z; `tessellate` makes triangles."""
 
     kind: Literal["sphere", "disk"]
     radius: float
     height: float
-    spare: Triangles
+    tessellate: Callable[[], Triangles]
+
+    @functools.cached_property
+    def spare(self) -> Triangles:
+        """The shape as triangles."""
+        return self.tessellate()
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ import numpy as np
 from isetcl.scene.material import Emission
 from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import SceneObject
-from isetcl.scene.pbrt.materials import is_black
+from isetcl.scene.pbrt.surfaces import is_black
 from isetcl.scene.texture import Checkerboard
 from isetcl.spectrum import Spectrum
 

@@ -11,40 +11,21 @@ import numpy as np
 
 from isetcl.errors import FileError, OutOfMemoryError
 from isetcl.scene.light import Light
-from isetcl.scene.material import Emission, Scattering
-from isetcl.scene.mesh import Instance, Mesh
-from isetcl.scene.model import Scene, SceneObject, Shape
+from isetcl.scene.model import Scene
 from isetcl.scene.pbrt.files import SceneFiles
-from isetcl.scene.pbrt.geometry import (
-    Flat,
-    Geometry,
-    Needs,
-    Round,
-    area_m2,
-    place,
-    placed_mesh,
-    triangles_of,
-)
 from isetcl.scene.pbrt.halves import joined_halves
 from isetcl.scene.pbrt.lights import LightReader
-from isetcl.scene.pbrt.materials import (
-    Level,
-    MaterialReader,
-    Surface,
-    clipped,
-    has_sides,
-    has_texture,
-    is_black,
-)
+from isetcl.scene.pbrt.materials import MaterialReader
 from isetcl.scene.pbrt.parameters import Parameters
 from isetcl.scene.pbrt.parser import Directive, Parameter, parse
 from isetcl.scene.pbrt.patterns import level
 from isetcl.scene.pbrt.places import Notes, Place, located, wrong
 from isetcl.scene.pbrt.shapes import ShapeReader
 from isetcl.scene.pbrt.spectra import SpectrumReader, is_named
+from isetcl.scene.pbrt.stage import Part, Stage
+from isetcl.scene.pbrt.surfaces import Surface, clipped
 from isetcl.scene.pbrt.textures import TextureReader
 from isetcl.scene.pbrt.transforms import (
-    determinant,
     eye_from_world,
     inverse,
     look_at,
@@ -55,12 +36,9 @@ from isetcl.scene.pbrt.transforms import (
     translation,
 )
 from isetcl.scene.pbrt.version import version_of
-from isetcl.scene.texture import TEXTURES
 
-MAX_OBJECTS = 1_000_000
 MAX_NESTING = 10_000
 MM_PER_M = 1000.0
-_MIRROR_X = np.diag([-1.0, 1.0, 1.0, 1.0])
 _FILE_NAMES = ("filename", "mapname")
 _RENDERING = (
     "Film", "Sampler", "Integrator", "SurfaceIntegrator", "VolumeIntegrator", "Renderer",
@@ -150,20 +128,6 @@ class _State:
         return other
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A shape with its surface, before it is placed."""
-
-    name: str
-    geometry: Geometry
-    matrix: np.ndarray
-    is_reversed: bool
-    surface: Surface
-    opacity: Level
-    light: tuple[str, Parameters] | None
-    place: Place
-
-
 class _Reader:
     """Carries out directives in turn."""
 
@@ -179,13 +143,11 @@ class _Reader:
         self._stack: list[tuple[str, _State, Place]] = []
         self._systems: dict[str, np.ndarray] = {}
         self._camera: tuple[np.ndarray, Place, float] | None = None
-        self._eye = np.eye(4)
         self._unit_m = 1.0
         self._in_world = False
         self._definition: tuple[str, Place] | None = None
-        self._definitions: dict[str, list[_Part]] = {}
-        self._meshes: dict[tuple[int, bool], Mesh] = {}
-        self._objects: list[SceneObject] = []
+        self._definitions: dict[str, list[Part]] = {}
+        self._stage = Stage(self._lights, notes)
         self._sources: list[Light] = []
         self._read: list[Parameters] = []
         self._handlers: dict[str, Callable[[Directive], None]] = {
@@ -226,12 +188,20 @@ class _Reader:
     def run(self, directives: list[Directive]) -> Scene:
         """The scene of all directives."""
         for directive in directives:
-            if directive.name not in _RENDERING:
+            if directive.name in _RENDERING:
+                continue
+            try:
                 self._handlers[directive.name](directive)
+            except (ArithmeticError, np.linalg.LinAlgError) as error:
+                raise wrong(
+                    directive.place,
+                    f"numbers of {directive.name} must be of the size of things in metres, not "
+                    "beyond 1e100",
+                ) from error
         self._check_end(directives)
         self._tell_unused()
         return Scene(
-            tuple(joined_halves(self._objects)),
+            tuple(joined_halves(self._stage.objects)),
             self._lights.sky.background(),
             self._name,
             tuple(self._sources),
@@ -341,7 +311,7 @@ class _Reader:
             raise wrong(directive.place, f"object {name!r} is not defined; use ObjectBegin first")
         with located(directive.place):
             for part in self._definitions[name]:
-                self._add(part, self._state.matrix, f"{part.name} of {name}", directive.place)
+                self._stage.add(part, self._state.matrix, f"{part.name} of {name}", directive.place)
 
     def _world_begin(self, directive: Directive) -> None:
         if self._in_world:
@@ -352,14 +322,14 @@ class _Reader:
             self._camera = (self._state.matrix, directive.place, 1.0)
         if self._camera is not None:
             matrix, where, self._unit_m = self._camera
-            self._eye, scale = eye_from_world(matrix, where)
+            self._stage.eye, scale = eye_from_world(matrix, where)
             if not abs(scale - 1.0) < 1e-6:
                 size = "differs by direction" if np.isnan(scale) else f"is {scale:g}"
                 self._notes.add("scale of the camera left out", f"it {size}", where)
-            self._eye = product(scaling(*[self._unit_m] * 3), self._eye, where)
+            self._stage.eye = product(scaling(*[self._unit_m] * 3), self._stage.eye, where)
             self._systems["camera"] = inverse(matrix, where)
         else:
-            self._eye = np.diag([1.0, 1.0, -1.0, 1.0])
+            self._stage.eye = np.diag([1.0, 1.0, -1.0, 1.0])
         self._systems["world"] = np.eye(4)
         self._in_world = True
         self._state.matrix = np.eye(4)
@@ -421,7 +391,7 @@ class _Reader:
 
     def _light_source(self, directive: Directive) -> None:
         self._check_world(directive)
-        matrix = product(self._eye, self._state.matrix, directive.place)
+        matrix = product(self._stage.eye, self._state.matrix, directive.place)
         parameters = self._parameters(directive, "light")
         self._sources += self._lights.read(directive.strings[0], parameters, matrix, self._unit_m)
 
@@ -444,7 +414,7 @@ class _Reader:
         if geometry is None:
             return
         assert alpha is not None
-        part = _Part(
+        part = Part(
             f"{kind} in line {directive.place.line}",
             geometry,
             self._state.matrix,
@@ -461,67 +431,4 @@ class _Reader:
             self._definitions[self._definition[0]].append(part)
             return
         with located(directive.place):
-            self._add(part, None, part.name, directive.place)
-
-    def _add(self, part: _Part, instance: np.ndarray | None, name: str, where: Place) -> None:
-        """Place a part in the world, itself or (with a matrix) as an instance."""
-        if len(self._objects) >= MAX_OBJECTS:
-            raise wrong(where, f"a scene must have at most {MAX_OBJECTS} objects")
-        material = part.surface.material
-        is_lit = part.light is not None
-        one_sided = is_lit and not part.light[1].flag("twosided", False)  # type: ignore[index]
-        has_map = is_lit and "filename" in part.light[1]  # type: ignore[index]
-        opacity = self._opacity(part, where)
-        needs = Needs(
-            uv=has_texture(material) or has_map or isinstance(opacity, TEXTURES),
-            sides=has_sides(material) or one_sided,
-        )
-        shape = self._placed(part, instance, needs, where)
-        if isinstance(part.geometry, Round) and isinstance(shape, (Mesh, Instance)):
-            what = f"{part.geometry.kind}, stretched, textured or turned inside out"
-            self._notes.add("curved shapes made of triangles", what, part.place)
-        emission = None
-        if part.light is not None:
-            emission = self._lights.emission(part.light[1], part.light[0], area_m2(shape))
-        if emission is not None and is_black(material):
-            self._objects.append(SceneObject(name, shape, emission, opacity=opacity))
-        elif material is not None:
-            self._objects.append(_object(name, shape, material, emission, opacity))
-
-    def _opacity(self, part: _Part, where: Place) -> Level:
-        """The share of light that meets a part: its alpha and its material's opacity."""
-        own, alpha = part.surface.opacity, part.opacity
-        if isinstance(own, TEXTURES) or isinstance(alpha, TEXTURES):
-            if own != 1.0 and alpha != 1.0:
-                self._notes.add("opacity of materials with alpha left out", "material", where)
-            return alpha if own == 1.0 or isinstance(alpha, TEXTURES) else own
-        return own * alpha
-
-    def _placed(
-        self, part: _Part, instance: np.ndarray | None, needs: Needs, where: Place
-    ) -> Shape:
-        own = product(self._eye, part.matrix, where)
-        if instance is None:
-            return place(part.geometry, own, part.is_reversed, needs)
-        moved = product(instance, part.matrix, where)
-        whole = product(self._eye, moved, where)
-        if isinstance(part.geometry, (Round, Flat)):
-            shape = place(part.geometry, whole, part.is_reversed, needs)
-            if not isinstance(shape, Mesh):
-                return shape
-        turned = product(product(self._eye, instance, where), inverse(self._eye, where), where)
-        # A mesh keeps its front under a move that does not mirror: mirror it beforehand.
-        is_mirrored = determinant(turned) < 0
-        key = (id(part), is_mirrored)
-        if key not in self._meshes:
-            start = product(_MIRROR_X, own, where) if is_mirrored else own
-            mesh = placed_mesh(triangles_of(part.geometry), start, part.is_reversed, needs)
-            self._meshes[key] = mesh
-        matrix = product(turned, _MIRROR_X, where) if is_mirrored else turned
-        return Instance(self._meshes[key], matrix)
-
-
-def _object(
-    name: str, shape: Shape, material: Scattering, emission: Emission | None, opacity: Level
-) -> SceneObject:
-    return SceneObject(name, shape, material, emission=emission, opacity=opacity)
+            self._stage.add(part, None, part.name, directive.place)

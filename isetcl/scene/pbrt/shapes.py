@@ -78,13 +78,16 @@ class ShapeReader:
             for n, d in (("zmin", -radius), ("zmax", radius))
         )
         phi = _turn(parameters)
-        angles = np.linspace(math.acos(max(-1.0, low / radius)), math.acos(high / radius), 49)
-        profile = np.stack([radius * np.sin(angles), radius * np.cos(angles)], axis=1)
-        mesh = _revolved(profile, phi, np.stack([np.sin(angles), np.cos(angles)], axis=1))
+
+        def tessellate() -> Triangles:
+            angles = np.linspace(math.acos(max(-1.0, low / radius)), math.acos(high / radius), 49)
+            profile = np.stack([radius * np.sin(angles), radius * np.cos(angles)], axis=1)
+            return _revolved(profile, phi, np.stack([np.sin(angles), np.cos(angles)], axis=1))
+
         if low == -radius and high == radius and phi == 360.0:
-            return Round("sphere", radius, 0.0, mesh)
+            return Round("sphere", radius, 0.0, tessellate)
         self._note_tessellated("part of a sphere", parameters)
-        return mesh
+        return tessellate()
 
     def _disk(self, parameters: Parameters) -> Geometry:
         radius = _positive(parameters, "radius", 1.0)
@@ -93,13 +96,16 @@ class ShapeReader:
         if not 0 <= inner < radius:
             raise InvalidInputError(f"innerradius must lie between 0 and the radius, got {inner:g}")
         phi = _turn(parameters)
-        # PBRT's v runs from the rim to the middle.
-        profile = np.array([[radius, height], [inner, height]])
-        mesh = _revolved(profile, phi, np.array([[0.0, 1.0], [0.0, 1.0]]))
+
+        def tessellate() -> Triangles:
+            # PBRT's v runs from the rim to the middle.
+            profile = np.array([[radius, height], [inner, height]])
+            return _revolved(profile, phi, np.array([[0.0, 1.0], [0.0, 1.0]]))
+
         if inner == 0 and phi == 360.0:
-            return Round("disk", radius, height, mesh)
+            return Round("disk", radius, height, tessellate)
         self._note_tessellated("part of a disk", parameters)
-        return mesh
+        return tessellate()
 
     def _cylinder(self, parameters: Parameters) -> Geometry:
         radius = _positive(parameters, "radius", 1.0)

@@ -10,11 +10,13 @@ from isetcl.errors import FileError, InvalidInputError, check_type
 from isetcl.scene.colour import _xyz_of_primaries
 from isetcl.scene.display import display_primaries
 from isetcl.scene.light import DistantLight, Environment, Light, SpotLight, light_spectrum
+from isetcl.scene.light_field import LightField
 from isetcl.scene.material import EMITTING, Diffuse, Emission, UnlitReflectance
 from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
 from isetcl.scene.pbrt.pictures import octahedral_directions
 from isetcl.scene.pbrt.places import Notes
+from isetcl.scene.pbrt.surfaces import has_texture
 from isetcl.scene.pbrt.text import comment, file_stem, number, numbers, spectral
 from isetcl.scene.pbrt.write_materials import MaterialWriter
 from isetcl.scene.texture import TEXTURES, Checkerboard, Image, Texture
@@ -199,10 +201,8 @@ class _Writer:
             light = self._area_light(emission)
             lines += [f"  {light}"] if light else []
         alpha = "" if opacity == 1.0 else " " + self._materials.level("alpha", opacity)
-        uses_uv = any(
-            isinstance(t, TEXTURES)
-            for t in (item.material.texture, opacity, emission.texture if emission else None)
-        )
+        is_patterned = emission is not None and emission.texture is not None
+        uses_uv = has_texture(material) or is_patterned or isinstance(opacity, TEXTURES)
         shape = item.shape
         if isinstance(shape, Instance):
             self._instance(shape, lines[1:], alpha, emission is not None)
@@ -218,6 +218,9 @@ class _Writer:
         pattern = emission.texture
         if isinstance(pattern, Image) and pattern.is_plain:
             texels = pattern.texels
+        elif isinstance(pattern, LightField):
+            self._notes.add("light fields written as light alike in all directions", pattern.name)
+            texels = pattern.texels.mean(axis=(2, 3))
         else:
             self._notes.add(
                 "luminous patterns written as pictures, their edges blurred", type(pattern).__name__
