@@ -14,8 +14,15 @@ from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
 from isetcl.spectrum import Spectrum
 
+EVEN_SKY = 1e-4
+"""Part of the choice among directions of a picture all around that is even."""
+
 EVEN_SHARE = 0.1
 """Part of the choice among lights that is even, so that none is starved where power misleads."""
+
+
+CHOICES = 1 << 24
+"""Numbers by which a light or a texel is chosen."""
 
 
 class LightKind(IntEnum):
@@ -37,7 +44,7 @@ LIGHT = Struct(
         Member("row", "int"),
         Member("probability"),
         Member("cumulative"),
-        Member("cos_outer"),
+        Member("versed_outer"),
         Member("inverse_penumbra"),
         Member("place", length=3),
         Member("axis", length=3),
@@ -75,11 +82,12 @@ def pack_lights(
     # Triangles of one object are chosen by their area.
     groups = [i for _, i, _ in surfaces]
     groups += range(len(scene.objects), len(scene.objects) + len(powers) - len(surfaces))
-    probability = _probabilities(np.array(powers, dtype=np.float64), np.array(groups, dtype=int))
+    chances = _probabilities(np.array(powers, dtype=np.float64), np.array(groups, dtype=int))
     lights = np.zeros(len(powers), dtype=dtype)
     if not len(lights):
         return lights
-    lights["probability"], lights["cumulative"] = probability, np.cumsum(probability)
+    lights["cumulative"] = in_steps(np.cumsum(chances))
+    lights["probability"] = np.diff(lights["cumulative"], prepend=0.0)
     for record, (_, i, triangle) in zip(lights, surfaces, strict=False):
         record["kind"], record["object"], record["triangle"] = LightKind.OBJECT, i, triangle
     for record, light in zip(lights[len(surfaces) :], scene.lights, strict=False):
@@ -91,6 +99,21 @@ def pack_lights(
     return lights.astype(
         LIGHT.dtype("single" if objects["opacity"].dtype.itemsize == 4 else "double")
     )
+
+
+def in_steps(cumulative: np.ndarray) -> np.ndarray:
+    """Sums of chances, the last 1, as the numbers that choose can tell them apart.
+
+    Those have 24 binary digits; what is chosen is then weighed by the chance it truly had. No sum
+    is rounded to the one before it while there is room for all.
+    """
+    steps = np.rint(cumulative / cumulative[..., -1:] * CHOICES).astype(np.int64)
+    count = steps.shape[-1]
+    if count < CHOICES // 16:
+        number = np.arange(count)
+        steps = np.maximum.accumulate(np.maximum(steps - number, 1), axis=-1) + number
+        steps = np.minimum(steps, CHOICES - (count - 1 - number))
+    return steps / CHOICES
 
 
 def _probabilities(powers: np.ndarray, groups: np.ndarray) -> np.ndarray:
@@ -123,6 +146,7 @@ def _surface_lights(
         if emitted is None:
             continue
         weight = 1.0 if emitted.texture is None else emitted.texture.mean
+        weight *= item.opacity if isinstance(item.opacity, (int, float)) else item.opacity.mean
         power = math.pi * _mean(emitted.spectra(), weight)
         if not power > 0:
             continue
@@ -130,6 +154,8 @@ def _surface_lights(
             numbers = np.flatnonzero(owner == i)
             a, b, c = (triangles[numbers, k] for k in range(3))
             area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+            if not area.sum() > 0:
+                continue
             entries += [
                 (power * float(s), i, int(n)) for s, n in zip(area, numbers, strict=True) if s > 0
             ]
@@ -159,11 +185,16 @@ def _small_light(record: np.void, light: Light, looks: Looks) -> None:
     if isinstance(light, SpotLight):
         record["kind"] = LightKind.SPOT
         record["axis"] = np.array(light.direction) / np.linalg.norm(light.direction)
-        outer = math.cos(math.radians(light.cone_deg))
-        inner = math.cos(math.radians(light.cone_deg - light.penumbra_deg))
-        record["cos_outer"] = outer
+        outer = _versed(light.cone_deg)
+        inner = _versed(light.cone_deg - light.penumbra_deg)
+        record["versed_outer"] = outer
         # A sharp edge is a very narrow penumbra.
-        record["inverse_penumbra"] = 1.0 / max(inner - outer, 1e-6)
+        record["inverse_penumbra"] = 1.0 / max(outer - inner, 1e-6 * outer)
+
+
+def _versed(angle_deg: float) -> float:
+    """1 - cos of an angle, without cancellation."""
+    return 2.0 * math.sin(math.radians(angle_deg) / 2.0) ** 2
 
 
 def _environment_tables(
@@ -171,32 +202,41 @@ def _environment_tables(
 ) -> None:
     """Shares of texels by the light they send, and their sums over rows and columns."""
     assert environment.texture is not None
-    texels = environment.texture.texels.reshape(*environment.texture.shape, -1)
-    weights = np.array([np.mean(s.values) for s in environment.spectra()])
-    light = texels.astype(np.float64) @ weights
+    light = _light_of_texels(environment)
     rows, columns = light.shape
-    latitude = np.pi * ((np.arange(rows) + 0.5) / rows - 0.5)
-    # Half of the light of the neighbours shows in a texel, too: pictures are interpolated.
-    around = 0.5 * light + 0.125 * (
-        np.roll(light, 1, 1) + np.roll(light, -1, 1) + _shifted(light, 1) + _shifted(light, -1)
-    )
-    shares = around * np.cos(latitude)[:, None]
-    shares = shares / shares.sum() + 1e-4 * np.cos(latitude)[:, None] / columns
-    shares /= shares.sum()
-    of_rows = np.cumsum(shares.sum(axis=1))
-    of_columns = np.cumsum(shares, axis=1)
-    of_columns /= of_columns[:, -1:]
-    of_rows /= of_rows[-1]
+    cosine = np.cos(np.pi * ((np.arange(rows) + 0.5) / rows - 0.5))[:, None]
+    shares = light * cosine
+    even = np.broadcast_to(cosine / (columns * cosine.sum()), shares.shape)
+    total = shares.sum()
+    shares = (1.0 - EVEN_SKY) * shares / total + EVEN_SKY * even if total > 0 else even
+    of_rows = in_steps(np.cumsum(shares.sum(axis=1)))
+    of_columns = in_steps(np.cumsum(shares, axis=1))
+    drawn = np.diff(of_rows, prepend=0.0)[:, None] * np.diff(of_columns, axis=1, prepend=0.0)
     world["environment_rows"], world["environment_columns"] = rows, columns
-    world["environment_shares"] = looks.table(shares)
+    world["environment_shares"] = looks.table(drawn)
     world["environment_rows_sum"] = looks.table(of_rows)
     world["environment_columns_sum"] = looks.table(of_columns)
     world["environment_probability"] = probability
 
 
-def _shifted(light: np.ndarray, step: int) -> np.ndarray:
-    """Rows moved up or down, the border repeated."""
-    return np.concatenate([light[:1], light[:-1]] if step > 0 else [light[1:], light[-1:]])
+def _light_of_texels(environment: Environment) -> np.ndarray:
+    """Mean light of the parts of the sky as large as texels, (rows, columns).
+
+    Between the centres of texels pictures are bilinear: the mean of a quarter of a texel is the
+    value in its middle.
+    """
+    picture = environment.texture
+    assert picture is not None
+    rows, columns = picture.shape
+    u = (np.arange(2 * columns) + 0.5) / (2 * columns)
+    v = 1.0 - (np.arange(2 * rows) + 0.5) / (2 * rows)
+    level = np.array([np.mean(s.values) for s in environment.spectra()])
+    light = np.empty((rows, columns))
+    # Row by row of texels, since the weights of all channels take much memory.
+    for row in range(rows):
+        quarters = picture.weights(*np.meshgrid(u, v[2 * row : 2 * row + 2])) @ level
+        light[row] = quarters.reshape(2, columns, 2).mean(axis=(0, 2))
+    return light
 
 
 def _reach(scene: Scene, triangles: np.ndarray) -> float:

@@ -77,8 +77,10 @@ FLAT = Struct(
         Member("is_round", "int"),
         *(
             Member(name, length=3)
-            for name in ("corner", "edge_u", "edge_v", "normal", "axis_u", "axis_v")
+            for name in ("corner", "edge_u", "edge_v", "normal", "axis_u", "axis_v", "foot")
         ),
+        Member("foot_u"),
+        Member("foot_v"),
     ),
 )
 BALL = Struct("ball_t", (Member("object", "int"), Member("centre", length=3), Member("radius")))
@@ -123,6 +125,18 @@ class MeshPart:
 
     mesh: Mesh
     first_triangle: int
+    centre_m: np.ndarray
+
+    @property
+    def triangles_m(self) -> np.ndarray:
+        """Its triangles about their centre: where a mesh was modelled must not cost precision."""
+        return self.mesh.triangles_m - self.centre_m
+
+    def matrix(self, instance: Instance) -> np.ndarray:
+        """The map from triangles about their centre to the world, (4, 4)."""
+        matrix = instance.matrix.copy()
+        matrix[:3, 3] += matrix[:3, :3] @ self.centre_m
+        return matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,9 +249,11 @@ class _Packer:
         parts, n = [], sum(len(part) for part in placed)
         n_placed = n
         for mesh in self._part_meshes:
-            parts.append(MeshPart(mesh, n))
+            corners = mesh.triangles_m.reshape(-1, 3)
+            centre = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
+            parts.append(MeshPart(mesh, n, centre))
             n += len(mesh.faces)
-        everything = placed + [mesh.triangles_m for mesh in self._part_meshes]
+        everything = placed + [part.triangles_m for part in parts]
         triangles = np.concatenate(everything) if everything else np.zeros((0, 3, 3))
         self._first_triangles(objects, parts)
         world = np.zeros(1, dtype=WORLD.dtype(precision))
@@ -318,7 +334,14 @@ class _Packer:
         flat = np.zeros(1, dtype=FLAT.dtype(self._precision))
         flat["object"], flat["is_round"] = index, isinstance(shape, Disc)
         flat["corner"], flat["edge_u"], flat["edge_v"] = quad.corner_m, quad.edge_u_m, quad.edge_v_m
-        flat["normal"], flat["axis_u"], flat["axis_v"] = plane_axes(quad)
+        normal, axis_u, axis_v = plane_axes(quad)
+        flat["normal"], flat["axis_u"], flat["axis_v"] = normal, axis_u, axis_v
+        # A plane is held by its point nearest to the eye: corners may be far away.
+        foot = normal * (normal @ np.array(quad.corner_m))
+        flat["foot"] = foot
+        flat["foot_u"], flat["foot_v"] = (
+            axis @ (foot - quad.corner_m) for axis in (axis_u, axis_v)
+        )
         self._flats.append(flat)
         return ShapeKind.FLAT, len(self._flats) - 1
 

@@ -92,14 +92,15 @@ def check_mesh_memory(scene: Scene, precision: str) -> None:
     ------
     OutOfMemoryError
     """
-    meshes = {
-        mesh.digest(): len(mesh.faces)
-        for mesh in (
-            item.shape.mesh if isinstance(item.shape, Instance) else item.shape
-            for item in scene.objects
-            if isinstance(item.shape, (Mesh, Instance))
-        )
-    }
+    meshes = {}
+    for item in scene.objects:
+        shape = item.shape
+        if isinstance(shape, Instance):
+            # Instances that shine are stored triangle by triangle.
+            key = shape.mesh.digest() if item.emitted is None else shape.digest()
+            meshes[key] = len(shape.mesh.faces)
+        elif isinstance(shape, Mesh):
+            meshes[shape.digest()] = len(shape.faces)
     triangles = sum(meshes.values())
     if triangles:
         memory.check_memory(
@@ -127,6 +128,9 @@ def path_images(scene: Scene, grid: RetinalGrid, notes: list[Decision]) -> dict[
             known = halvings.get(image.digest())
             if known is None or times < known[1]:
                 halvings[image.digest()] = (image, times, footprint, item.name)
+    if isinstance(scene.background, Environment) and scene.background.texture is not None:
+        # What is on a surface, too, is uploaded once, and the sky needs all of it.
+        halvings.pop(scene.background.texture.digest(), None)
     small = {}
     for key, (image, times, footprint, name) in halvings.items():
         if times > 0:

@@ -101,8 +101,9 @@ def _upper_tree(
         record["object"] = item
         record["nodes_at"], record["blocks_at"] = places[part]
         record["first_triangle"] = packed.parts[part].first_triangle
-        record["matrix"] = instance.matrix[:3].ravel()
-        record["inverse"] = np.linalg.inv(instance.matrix)[:3].ravel()
+        matrix = packed.parts[part].matrix(instance)
+        record["matrix"] = matrix[:3].ravel()
+        record["inverse"] = np.linalg.inv(matrix)[:3].ravel()
     return nodes, records.ravel(), tree.depth
 
 

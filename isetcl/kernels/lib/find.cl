@@ -19,17 +19,21 @@ INLINE void find_group(const shapes_t *shapes, const triangles_t *triangles,
   if (is_first ? STARTS_GIVEN : HAS_ADDITIVE) least = read_plane(paths->passed, at);
 #endif
   shape_hitv hit;
+#if HAS_ADDITIVE
+  intv after = is_first ? (intv)0x7fffffff : read_int_plane(paths->object, at);
+  hit_behind(shapes, &ray, least, after, active, &hit);
+#else
   first_hit(shapes, &ray, least, active, &hit);
+#endif
 #if HAS_CUTOUTS
   for (int pass = 0; pass < MOST_PASSES; ++pass) {
     maskv is_additive;
     realv opacity = opacity_at(shapes, triangles, looks, &ray, &hit, &is_additive);
-    maskv open = mask_from_int(hit.object >= 0) & !is_additive &
-                 (passing_number(&ray, hit.distance, stream) >= opacity);
+    maskv open = mask_from_int(hit.object >= 0) &
+                 (passing_number(&ray, hit.distance, hit.object, stream) >= opacity);
     if (!any_lane(open)) break;
-    least = mul_add(hit.distance, (realv)(1 + 16 * ROUNDING), (realv)R(1e-12));
     shape_hitv behind;
-    first_hit(shapes, &ray, least, open, &behind);
+    hit_behind(shapes, &ray, hit.distance, hit.object, open, &behind);
     hit.distance = open ? behind.distance : hit.distance;
     hit.object = select_int(open, behind.object, hit.object);
     hit.triangle = select_int(open, behind.triangle, hit.triangle);

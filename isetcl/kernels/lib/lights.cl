@@ -42,16 +42,30 @@ INLINE void emitted4(const shapes_t *shapes, const looks_t *looks, global const 
             looks->n_columns, object->emission, band, at, value);
 }
 
-/* ball_density - density per solid angle of the cone under which a ball is seen; the whole sphere
- * from inside.
+/* opacity_of - the share of an object that is there. */
+INLINE realv opacity_of(const looks_t *looks, global const object_t *object, const placev *at) {
+  if (object->opacity_texture < 0) return (realv)object->opacity;
+  return grey_weight(looks->textures + object->opacity_texture, looks->texels, at);
+}
+
+#if HAS_BALLS
+/* ball_slack - how near a point (x, y, z) must be to a ball to be taken to lie on it. */
+INLINE realv ball_slack(constant ball_t *ball, realv x, realv y, realv z) {
+  realv most = larger(magnitude(x), larger(magnitude(y), magnitude(z)));
+  return mul_add(most + 2 * ball->radius, (realv)(32 * ROUNDING), (realv)R(4e-12));
+}
+
+/* ball_cone - 1 - cos of the cone under which a ball is seen from a distance; 2, all directions,
+ * from inside and from its surface, where rounding must not decide.
  *
  * 1 - cos = sin^2 / (1 + cos), which does not cancel for small balls.
  */
-INLINE realv ball_cone(realv ratio2) {
-  maskv inside = ratio2 >= 1;
-  realv cosine = square_root(inside ? (realv)0 : 1 - ratio2);
-  return inside ? (realv)2 : ratio2 / (1 + cosine);
+INLINE realv ball_cone(constant ball_t *ball, realv away, realv slack) {
+  maskv inside = away < ball->radius + slack;
+  realv ratio = inside ? (realv)1 : ball->radius / away, ratio2 = ratio * ratio;
+  return inside ? (realv)2 : ratio2 / (1 + square_root(1 - ratio2));
 }
+#endif
 
 #if HAS_LIGHTS
 /* light_density - density, per solid angle at rays' origins, of choosing the place they hit. */
@@ -63,8 +77,9 @@ INLINE realv light_density(const shapes_t *shapes, global const object_t *object
     constant ball_t *ball = shapes->balls + object->first;
     realv x = ball->centre[0] - ray->ox, y = ball->centre[1] - ray->oy,
           z = ball->centre[2] - ray->oz;
-    realv ratio2 = ball->radius * ball->radius / dot3(x, y, z, x, y, z);
-    return object->density / (2 * PI_ * ball_cone(ratio2));
+    realv cone = ball_cone(ball, square_root(dot3(x, y, z, x, y, z)),
+                           ball_slack(ball, ray->ox, ray->oy, ray->oz));
+    return object->density / (2 * PI_ * cone);
   }
 #endif
   return cosine > 0 ? object->density * distance * distance / cosine : (realv)0;
@@ -104,8 +119,8 @@ INLINE void sample_ball(const shapes_t *shapes, const looks_t *looks,
   constant ball_t *ball = shapes->balls + object->first;
   realv x = ball->centre[0] - from->x, y = ball->centre[1] - from->y, z = ball->centre[2] - from->z;
   realv away = normalised(&x, &y, &z);
-  realv ratio = ball->radius / away;
-  realv cone = ball_cone(ratio * ratio);
+  realv slack = ball_slack(ball, from->x, from->y, from->z);
+  realv cone = ball_cone(ball, away, slack);
   realv versed = u * cone;
   realv cosine = 1 - versed;
   realv sine = square_root(larger(versed * (2 - versed), (realv)0));
@@ -118,12 +133,15 @@ INLINE void sample_ball(const shapes_t *shapes, const looks_t *looks,
   sample->dx = d.x, sample->dy = d.y, sample->dz = d.z;
   sample->density = light->probability / (2 * PI_ * cone);
   pathv ray = {from->x, from->y, from->z, d.x, d.y, d.z};
+  /* From its own surface a ball is seen across, not where the point lies. */
+  maskv on_it = magnitude(away - ball->radius) < slack;
   realv distance;
-  maskv met = ball_hit(ball, &ray, (realv)0, &distance);
+  maskv met = ball_hit(ball, &ray, on_it ? (realv)INFINITY : (realv)0, &distance);
+  met = met & (distance > (on_it ? slack : (realv)0));
   sample->distance = met ? distance : (realv)0;
   placev on = {(realv)0, (realv)0, (realv)0, (realv)0};
 #if HAS_TEXTURED_BALLS
-  if (object->emission_texture >= 0) {
+  if (object->emission_texture >= 0 || object->opacity_texture >= 0) {
     realv px = mul_add(distance, d.x, from->x - ball->centre[0]);
     realv py = mul_add(distance, d.y, from->y - ball->centre[1]);
     realv pz = mul_add(distance, d.z, from->z - ball->centre[2]);
@@ -133,8 +151,13 @@ INLINE void sample_ball(const shapes_t *shapes, const looks_t *looks,
   }
 #endif
   emitted4(shapes, looks, object, band, &on, -d.x, -d.y, -d.z, &sample->light);
-  realv outside = ratio < 1 ? (realv)1 : (realv)0;
+  /* The nearer of two hits is seen from outside. */
+  realv outside = distance < away * inner.z ? (realv)1 : (realv)0;
   realv scale = (object->shines_behind ? (realv)1 : outside) / sample->density;
+#if HAS_CUTOUTS
+  scale *= opacity_of(looks, object, &on);
+#endif
+  scale = met ? scale : (realv)0;
   for (int k = 0; k < 4; ++k) sample->light.w[k] *= scale;
 }
 #endif
@@ -168,7 +191,7 @@ INLINE void sample_area(const shapes_t *shapes, const triangles_t *triangles,
   if (object->kind == SHAPE_MESH) {
     realv root = square_root(u);
     triangle_point(triangles, (intv)light->triangle, root * (1 - v), root * v, &on);
-    normalised(&on.nx, &on.ny, &on.nz);
+    unit_normal(&on.nx, &on.ny, &on.nz);
   }
 #endif
   realv x = on.x - from->x, y = on.y - from->y, z = on.z - from->z;
@@ -186,6 +209,9 @@ INLINE void sample_area(const shapes_t *shapes, const triangles_t *triangles,
   sample->density = object->density * d2 / (lit ? cosine : (realv)1);
   emitted4(shapes, looks, object, band, &on.at, -x, -y, -z, &sample->light);
   realv scale = lit ? 1 / sample->density : (realv)0;
+#if HAS_CUTOUTS
+  scale *= opacity_of(looks, object, &on.at);
+#endif
   for (int k = 0; k < 4; ++k) sample->light.w[k] *= scale;
 }
 
@@ -206,9 +232,10 @@ INLINE void sample_small(const looks_t *looks, global const light_t *light, cons
     scale = scale / (sample->distance * sample->distance);
 #if HAS_SPOTS
     if (light->kind == LIGHT_SPOT) {
-      realv cosine = -dot3(x, y, z, (realv)light->axis[0], (realv)light->axis[1],
-                           (realv)light->axis[2]);
-      realv t = (cosine - light->cos_outer) * light->inverse_penumbra;
+      /* 1 - cos = |a - b|^2 / 2 of unit vectors does not cancel in narrow cones. */
+      realv ax = x + light->axis[0], ay = y + light->axis[1], az = z + light->axis[2];
+      realv versed = R(0.5) * dot3(ax, ay, az, ax, ay, az);
+      realv t = (light->versed_outer - versed) * light->inverse_penumbra;
       t = smaller(larger(t, (realv)0), (realv)1);
       scale *= t * t * (3 - 2 * t);
     }
@@ -240,6 +267,13 @@ INLINE void environment4(constant world_t *world, const looks_t *looks, const ba
 }
 
 #if HAS_LIGHTS
+/* density_of_share - density per solid angle in a texel that is drawn by its share. */
+INLINE realv density_of_share(constant world_t *world, realv share, realv cosine) {
+  const real texels = (real)world->environment_columns * world->environment_rows;
+  const real scale = world->environment_probability * texels / (2 * PI_ * PI_);
+  return share * scale / larger(cosine, (realv)R(1e-9));
+}
+
 /* environment_density - density per solid angle with which a direction is drawn.
  *
  * Every texel is drawn by its share of the light; the shares lie in a table (rows, columns).
@@ -255,8 +289,7 @@ INLINE realv environment_density(constant world_t *world, const looks_t *looks, 
 #pragma unroll
   for (int i = 0; i < WIDTH; ++i)
     LANE(share, i) = shares[LANE(row, i) * columns + LANE(column, i)];
-  realv scale = world->environment_probability * columns * rows / (2 * PI_ * PI_);
-  return share * scale / larger(cosine, (realv)R(1e-9));
+  return density_of_share(world, share, cosine);
 }
 
 /* sample_environment - a direction drawn by the light that comes from it. */
@@ -265,7 +298,8 @@ INLINE void sample_environment(constant world_t *world, const looks_t *looks, co
   const int columns = world->environment_columns, rows = world->environment_rows;
   global const float *of_rows = looks->texels + world->environment_rows_sum;
   global const float *of_columns = looks->texels + world->environment_columns_sum;
-  realv u, v;
+  global const float *shares = looks->texels + world->environment_shares;
+  realv u, v, share;
   for (int i = 0; i < WIDTH; ++i) {
     int low = 0, high = rows - 1;
     while (low < high) {
@@ -286,6 +320,8 @@ INLINE void sample_environment(constant world_t *world, const looks_t *looks, co
     const real left = low > 0 ? sums[low - 1] : 0;
     LANE(u, i) = (low + (LANE(a, i) - left) / (sums[low] - left)) / columns;
     LANE(v, i) = 1 - (row + in_row) / rows;
+    /* Looked up by place, a texel at its border could be taken for its neighbour. */
+    LANE(share, i) = shares[(size_t)row * columns + low];
   }
   u = smaller(larger(u, (realv)0), (realv)1);
   v = smaller(larger(v, (realv)0), (realv)1);
@@ -299,7 +335,7 @@ INLINE void sample_environment(constant world_t *world, const looks_t *looks, co
   sample->dy = dot3((realv)m[3], (realv)m[4], (realv)m[5], x, y, z);
   sample->dz = dot3((realv)m[6], (realv)m[7], (realv)m[8], x, y, z);
   sample->distance = (realv)INFINITY;
-  sample->density = environment_density(world, looks, u, v, cosine);
+  sample->density = density_of_share(world, share, cosine);
   environment4(world, looks, band, u, v, &sample->light);
   realv scale = sample->density > 0 ? 1 / sample->density : (realv)0;
   for (int k = 0; k < 4; ++k) sample->light.w[k] *= scale;
@@ -315,6 +351,7 @@ INLINE void sample_lights(const shapes_t *shapes, const triangles_t *triangles,
   sample->distance = sample->density = (realv)0;
   sample->dx = sample->dy = (realv)0, sample->dz = (realv)1;
   for (int k = 0; k < 4; ++k) sample->light.w[k] = (realv)0;
+  if (shapes->world->n_lights == 0) return;
   intv left = select_int(wanted, choose_lights(looks, shapes->world->n_lights, choice), (intv)-1);
   for (;;) {
     maskv here;

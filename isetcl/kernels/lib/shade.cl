@@ -103,6 +103,7 @@ INLINE void meet_all(const shapes_t *shapes, const triangles_t *triangles, const
     point->at.v = here ? one.at.v : point->at.v;
     point->at.width_u = here ? one.at.width_u : point->at.width_u;
     point->at.width_v = here ? one.at.width_v : point->at.width_v;
+    point->reach = here ? one.reach : point->reach;
     point->is_front = here ? one.is_front : point->is_front;
   }
 }
@@ -231,7 +232,7 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
 #endif
   /* Light of the surroundings and of surfaces. */
   pointv point;
-  point.x = point.y = point.z = point.at.u = point.at.v = (realv)0;
+  point.x = point.y = point.z = point.at.u = point.at.v = point.reach = (realv)0;
   point.at.width_u = point.at.width_v = (realv)0;
   point.nx = point.ny = point.sx = point.sy = (realv)0;
   point.nz = point.sz = (realv)1;
@@ -257,8 +258,7 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
   intv scattered = bounce > 0 ? read_int_plane(paths->bounces, at) : (intv)0;
   if (any_lane(passing)) {
     go = select_int(passing & met, (intv)1, go);
-    realv beyond = mul_add(hit.distance, (realv)(1 + 16 * ROUNDING), (realv)R(1e-12));
-    write_plane(passing & met ? beyond : (realv)0, paths->passed, at);
+    write_plane((passing & met) ? hit.distance : (realv)0, paths->passed, at);
   } else {
     write_plane((realv)0, paths->passed, at);
   }
@@ -314,8 +314,13 @@ INLINE void shade_group(const shapes_t *shapes, const triangles_t *triangles,
     for (int k = 0; k < 4; ++k) carried.w[k] *= bounced.weight.w[k];
     realv most = largest4(&carried);
     maskv on = met & (bounced.density != 0) & (most > 0);
-    if (bounce >= 2) {
-      realv survival = smaller(most, (realv)R(0.95));
+#if HAS_ADDITIVE
+    maskv may_end = mask_from_int(scattered >= 2);
+#else
+    maskv may_end = (maskv)(bounce >= 2 ? -1 : 0);
+#endif
+    if (any_lane(may_end)) {
+      realv survival = may_end ? smaller(most, (realv)R(0.95)) : (realv)1;
       on = on & (chance[3] < survival);
       realv scale = 1 / (survival > 0 ? survival : (realv)1);
       for (int k = 0; k < 4; ++k) carried.w[k] *= scale;

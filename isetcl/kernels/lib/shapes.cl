@@ -37,11 +37,13 @@ typedef struct {
 INLINE maskv flat_hit(constant flat_t *flat, const pathv *ray, realv *distance, realv *u,
                       realv *v) {
   realv nx = flat->normal[0], ny = flat->normal[1], nz = flat->normal[2];
-  realv x = flat->corner[0] - ray->ox, y = flat->corner[1] - ray->oy, z = flat->corner[2] - ray->oz;
+  realv x = flat->foot[0] - ray->ox, y = flat->foot[1] - ray->oy, z = flat->foot[2] - ray->oz;
   realv d = dot3(nx, ny, nz, x, y, z) / dot3(nx, ny, nz, ray->dx, ray->dy, ray->dz);
   realv px = mul_add(d, ray->dx, -x), py = mul_add(d, ray->dy, -y), pz = mul_add(d, ray->dz, -z);
-  *u = dot3((realv)flat->axis_u[0], (realv)flat->axis_u[1], (realv)flat->axis_u[2], px, py, pz);
-  *v = dot3((realv)flat->axis_v[0], (realv)flat->axis_v[1], (realv)flat->axis_v[2], px, py, pz);
+  *u = flat->foot_u + dot3((realv)flat->axis_u[0], (realv)flat->axis_u[1],
+                           (realv)flat->axis_u[2], px, py, pz);
+  *v = flat->foot_v + dot3((realv)flat->axis_v[0], (realv)flat->axis_v[1],
+                           (realv)flat->axis_v[2], px, py, pz);
   *distance = d;
   if (flat->is_round) {
     realv a = *u - R(0.5), b = *v - R(0.5);
@@ -164,6 +166,38 @@ INLINE void first_hit(const shapes_t *shapes, const pathv *ray, realv least, mas
   meet_meshes(shapes, ray, least, active, hit);
 #endif
 }
+
+#if HAS_CUTOUTS || HAS_ADDITIVE
+/* beyond - where balls and triangles are looked for behind a surface at a distance. */
+INLINE realv beyond(realv distance) {
+  return mul_add(distance, (realv)(1 + 4 * ROUNDING), (realv)R(1e-12));
+}
+
+/* hit_behind - what rays meet behind a surface of object `after` at the distance `passed`.
+ *
+ * Flat shapes in one place are met one after the other, in the order of the objects.
+ */
+INLINE void hit_behind(const shapes_t *shapes, const pathv *ray, realv passed, intv after,
+                       maskv active, shape_hitv *hit) {
+  realv far = beyond(passed);
+  first_hit(shapes, ray, far, active, hit);
+#if HAS_FLATS
+  for (int i = 0; i < shapes->world->n_flats; ++i) {
+    const int object = shapes->flats[i].object;
+    realv distance, u, v;
+    maskv here = active & flat_hit(shapes->flats + i, ray, &distance, &u, &v);
+    maskv is_next = mask_from_int((intv)object > after) & (distance > passed * COINCIDENT);
+    here = here & (is_next | (distance * COINCIDENT > passed)) & (distance > 0);
+    here = here & (distance <= far) & (distance < hit->distance * COINCIDENT);
+    hit->distance = here ? distance : hit->distance;
+    hit->object = select_int(here, (intv)object, hit->object);
+    hit->triangle = select_int(here, (intv)(-1), hit->triangle);
+    hit->u = here ? u : hit->u;
+    hit->v = here ? v : hit->v;
+  }
+#endif
+}
+#endif
 
 /* is_hidden - whether anything lies on rays before `most`. */
 INLINE maskv is_hidden(const shapes_t *shapes, const pathv *ray, realv most, maskv active) {

@@ -12,6 +12,7 @@ typedef struct {
   realv nx, ny, nz; /* geometric normal */
   realv sx, sy, sz; /* shading normal */
   placev at;        /* on the textures */
+  realv reach;      /* the largest coordinate that the place was computed from */
   maskv is_front;   /* whether the rays came from the side the surface faces */
 } pointv;
 
@@ -29,7 +30,18 @@ INLINE realv normalised(realv *x, realv *y, realv *z) {
   return length;
 }
 
+INLINE realv largest3(realv x, realv y, realv z) {
+  return larger(magnitude(x), larger(magnitude(y), magnitude(z)));
+}
+
 #if HAS_MESHES
+/* unit_normal - a vector of any length, whose square may be too large or too small, made a unit. */
+INLINE void unit_normal(realv *x, realv *y, realv *z) {
+  realv inverse = 1 / larger(largest3(*x, *y, *z), (realv)R(1e-37));
+  *x *= inverse, *y *= inverse, *z *= inverse;
+  normalised(x, y, z);
+}
+
 INLINE realv of_triangle(global const real *table, intv triangle, int stride, int part) {
   realv value;
 #pragma unroll
@@ -53,6 +65,9 @@ INLINE void triangle_point(const triangles_t *t, intv triangle, realv b, realv c
   point->nx = mul_add(e1y, e2z, -(e1z * e2y));
   point->ny = mul_add(e1z, e2x, -(e1x * e2z));
   point->nz = mul_add(e1x, e2y, -(e1y * e2x));
+  point->reach = largest3(corner[0], corner[1], corner[2]);
+  point->reach = larger(point->reach, largest3(corner[3], corner[4], corner[5]));
+  point->reach = larger(point->reach, largest3(corner[6], corner[7], corner[8]));
   point->at.u = point->at.v = (realv)0;
 #if HAS_UV
   realv a = 1 - b - c;
@@ -95,6 +110,14 @@ INLINE void place_point(global const instance_t *instance, pointv *p) {
   p->x = mul_add(x, (realv)m[0], mul_add(y, (realv)m[1], mul_add(z, (realv)m[2], (realv)m[3])));
   p->y = mul_add(x, (realv)m[4], mul_add(y, (realv)m[5], mul_add(z, (realv)m[6], (realv)m[7])));
   p->z = mul_add(x, (realv)m[8], mul_add(y, (realv)m[9], mul_add(z, (realv)m[10], (realv)m[11])));
+  real grown = 0, shift = 0;
+#pragma unroll
+  for (int k = 0; k < 3; ++k) {
+    global const real *row = m + 4 * k;
+    const real sum = fabs(row[0]) + fabs(row[1]) + fabs(row[2]), to = fabs(row[3]);
+    grown = sum > grown ? sum : grown, shift = to > shift ? to : shift;
+  }
+  p->reach = mul_add(p->reach, (realv)grown, (realv)shift);
   x = p->nx, y = p->ny, z = p->nz;
   p->nx = dot3(x, y, z, (realv)w[0], (realv)w[4], (realv)w[8]);
   p->ny = dot3(x, y, z, (realv)w[1], (realv)w[5], (realv)w[9]);
@@ -121,13 +144,16 @@ INLINE void meet(const shapes_t *shapes, const triangles_t *triangles,
 #if HAS_FLATS
   if (object->kind == SHAPE_FLAT) {
     constant flat_t *flat = shapes->flats + object->first;
-    point->x = mul_add(hit->u, (realv)flat->edge_u[0],
-                       mul_add(hit->v, (realv)flat->edge_v[0], (realv)flat->corner[0]));
-    point->y = mul_add(hit->u, (realv)flat->edge_u[1],
-                       mul_add(hit->v, (realv)flat->edge_v[1], (realv)flat->corner[1]));
-    point->z = mul_add(hit->u, (realv)flat->edge_u[2],
-                       mul_add(hit->v, (realv)flat->edge_v[2], (realv)flat->corner[2]));
-    point->nx = flat->normal[0], point->ny = flat->normal[1], point->nz = flat->normal[2];
+    realv nx = flat->normal[0], ny = flat->normal[1], nz = flat->normal[2];
+    realv distance = here ? hit->distance : (realv)1;
+    realv x = mul_add(distance, ray->dx, ray->ox), y = mul_add(distance, ray->dy, ray->oy),
+          z = mul_add(distance, ray->dz, ray->oz);
+    /* Back onto the plane: a place made of edges would be as wrong as these are long. */
+    realv above = dot3(nx, ny, nz, x - flat->foot[0], y - flat->foot[1], z - flat->foot[2]);
+    point->x = mul_add(-above, nx, x), point->y = mul_add(-above, ny, y);
+    point->z = mul_add(-above, nz, z);
+    point->nx = nx, point->ny = ny, point->nz = nz;
+    point->reach = largest3(point->x, point->y, point->z);
   }
 #endif
 #if HAS_BALLS
@@ -142,6 +168,8 @@ INLINE void meet(const shapes_t *shapes, const triangles_t *triangles,
     point->x = mul_add((realv)ball->radius, x, (realv)ball->centre[0]);
     point->y = mul_add((realv)ball->radius, y, (realv)ball->centre[1]);
     point->z = mul_add((realv)ball->radius, z, (realv)ball->centre[2]);
+    point->reach = largest3((realv)ball->centre[0], (realv)ball->centre[1],
+                            (realv)ball->centre[2]) + ball->radius;
 #if HAS_TEXTURED_BALLS
     realv turn = turn_of(x, z);
     point->at.u = turn < 0 ? turn + 1 : turn;
@@ -161,8 +189,8 @@ INLINE void meet(const shapes_t *shapes, const triangles_t *triangles,
 #if HAS_INSTANCES
     if (object->instance >= 0) place_point(shapes->instances + object->instance, point);
 #endif
-    normalised(&point->nx, &point->ny, &point->nz);
-    normalised(&point->sx, &point->sy, &point->sz);
+    unit_normal(&point->nx, &point->ny, &point->nz);
+    unit_normal(&point->sx, &point->sy, &point->sz);
   }
 #endif
   /* Both normals face the ray; a shading normal that cannot is replaced. */
@@ -181,6 +209,5 @@ INLINE void meet(const shapes_t *shapes, const triangles_t *triangles,
 
 /* step_off - how far from a surface point a ray must start not to meet the surface again. */
 INLINE realv step_off(const pointv *point) {
-  realv most = larger(magnitude(point->x), larger(magnitude(point->y), magnitude(point->z)));
-  return mul_add(most, (realv)(ROUNDING * 8), (realv)R(1e-12));
+  return mul_add(point->reach, (realv)(ROUNDING * 8), (realv)R(1e-12));
 }

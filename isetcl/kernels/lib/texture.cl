@@ -37,6 +37,13 @@ INLINE realv band_value(global const real *spectra, int n_columns, int row, cons
   return value;
 }
 
+/* part_of_whole - a number less the largest integer below it; 0 beyond the range of integers. */
+INLINE realv part_of_whole(realv x) {
+  maskv is_small = magnitude(x) < R(2e9);
+  realv kept = is_small ? x : (realv)0;
+  return kept - real_from_int(whole(kept));
+}
+
 /* Places on a texture: coordinates, and the width of the ray there in their units. */
 typedef struct {
   realv u, v, width_u, width_v;
@@ -50,13 +57,12 @@ typedef struct {
   realv right, low;
 } texelsv;
 
-/* wrap_index - an index brought into 0 ... n - 1, by repeating or by stopping at the border. */
+/* wrap_index - an index of at most one beyond 0 ... n - 1 brought into it, by repeating or by
+ * stopping at the border.
+ */
 INLINE intv wrap_index(intv i, intv n, int repeats) {
-  if (!repeats) return i < 0 ? (intv)0 : i > n - 1 ? n - 1 : i;
-  intv rest = i - whole(real_from_int(i) / real_from_int(n)) * n;
-  rest = rest < 0 ? rest + n : rest;
-  rest = rest >= n ? rest - n : rest;
-  return rest < 0 ? (intv)0 : rest >= n ? n - 1 : rest;
+  if (repeats) i = i < 0 ? i + n : i > n - 1 ? i - n : i;
+  return i < 0 ? (intv)0 : i > n - 1 ? n - 1 : i;
 }
 
 /* find_texels - the texels around a place, bilinear between their centres.
@@ -83,10 +89,10 @@ INLINE void find_texels(global const texture_t *texture, const placev *place, te
   }
 #endif
   realv columns = real_from_int(width), rows = real_from_int(height);
-  realv x = mul_add(mul_add(place->u, (realv)texture->periods_u, (realv)texture->offset_u), columns,
-                    (realv)R(-0.5));
-  realv y = mul_add(1 - mul_add(place->v, (realv)texture->periods_v, (realv)texture->offset_v),
-                    rows, (realv)R(-0.5));
+  realv s = mul_add(place->u, (realv)texture->periods_u, (realv)texture->offset_u);
+  realv t = mul_add(place->v, (realv)texture->periods_v, (realv)texture->offset_v);
+  if (texture->repeats) s = part_of_whole(s), t = part_of_whole(t);
+  realv x = mul_add(s, columns, (realv)R(-0.5)), y = mul_add(1 - t, rows, (realv)R(-0.5));
   if (!texture->repeats) {
     x = smaller(larger(x, (realv)0), columns - 1);
     y = smaller(larger(y, (realv)0), rows - 1);
@@ -162,13 +168,13 @@ INLINE realv pattern_weight(global const texture_t *texture, realv u, realv v) {
   realv a = u * texture->periods_u, b = v * texture->periods_v;
 #if HAS_GRIDS
   if (texture->kind == TEXTURE_GRID) {
-    a += texture->line_width / 2, b += texture->line_width / 2;
-    a -= real_from_int(whole(a)), b -= real_from_int(whole(b));
+    a = part_of_whole(a + texture->line_width / 2);
+    b = part_of_whole(b + texture->line_width / 2);
     maskv on_line = (a < texture->line_width) | (b < texture->line_width);
     return on_line ? (realv)texture->bright : (realv)texture->dark;
   }
 #endif
-  intv parity = whole(a) + whole(b);
+  intv parity = whole(2 * part_of_whole(a / 2)) + whole(2 * part_of_whole(b / 2));
   return mask_from_int((parity & 1) != 0) ? (realv)texture->dark : (realv)texture->bright;
 }
 
