@@ -22,7 +22,7 @@ setup(
     packages=find_packages(include=["isetcl", "isetcl.*"]),
     package_data={
         "isetcl": ["py.typed"],
-        "isetcl.kernels": ["*.cl", "lib/*.cl"],
+        "isetcl.kernels": ["*.cl", "lib/*.cl", "lib/*/*.cl"],
         "isetcl.data": ["*.csv"],
     },
     install_requires=[

@@ -1,4 +1,4 @@
-"""The command line: `isetcl compare`, `isetcl devices`, `isetcl info`."""
+"""The command line: `isetcl compare`, `isetcl render`, `isetcl devices`, `isetcl info`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from isetcl.cli_render import INTERRUPTED, render
 from isetcl.errors import InvalidInputError, IsetclError
 
 if TYPE_CHECKING:
@@ -22,9 +23,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells have it."""
 
 PAPER_FOV_DEG = 2.0
 PHOTOGRAPH_FOV_DEG = 8.0
@@ -108,6 +106,9 @@ def compare(
     if not comparison.is_complete:
         print("isetcl: interrupted; the report holds what was finished", file=sys.stderr)
         raise typer.Exit(INTERRUPTED)
+
+
+app.command()(render)
 
 
 @app.command()

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from isetcl.retina.image import RetinalImage
@@ -16,6 +18,10 @@ from isetcl.validation.occlusion import OcclusionError
 RAY_COLOUR = "#1f4e79"
 METHOD_COLOURS = ("#c0392b", "#2e8b57", "#8e44ad", "#d68910", "#117a8b")
 _STRIP_COLOUR = "#f2c14e"
+_OBJECT_COLOURS = colormaps["tab20"]
+_NOTHING = 0.75  # grey
+MOST_NAMES = 20
+"""Names in the legend of a map of objects."""
 
 METHOD_LABELS = {
     "ray tracing": "ray tracing",
@@ -40,6 +46,59 @@ def retinal_images(comparison: Comparison, white_point: str = "E") -> Figure:
         ax.set_title(method_label(name))
         ax.set_ylabel("visual angle (deg)" if ax is axes[0] else "")
     return figure
+
+
+def depth_map(image: RetinalImage) -> Figure:
+    """Vergence of what each pixel's chief ray meets, 1/m; where there is nothing, grey."""
+    depth = image.vergence_dpt
+    assert depth is not None
+    values = np.ma.masked_equal(depth.values, 0.0)
+    figure, ax = _map_axes(image, "depth")
+    drawn = _draw_map(ax, image, values, cmap="viridis")
+    figure.colorbar(drawn, ax=ax, label="vergence of the surface (1/m)", shrink=0.85)
+    return figure
+
+
+def object_map(image: RetinalImage, names: Sequence[str]) -> Figure:
+    """Which object each pixel's chief ray meets, with a legend of the largest ones."""
+    numbers = image.dataset["object"].values
+    found, counts = np.unique(numbers[numbers >= 0], return_counts=True)
+    shades = np.array([_OBJECT_COLOURS(i % _OBJECT_COLOURS.N)[:3] for i in range(len(found))])
+    pixels = np.full((*numbers.shape, 3), _NOTHING)
+    for shade, number in zip(shades, found, strict=True):
+        pixels[numbers == number] = shade
+    figure, ax = _map_axes(image, "objects")
+    _draw_map(ax, image, pixels)
+    for i in np.argsort(-counts, kind="stable")[:MOST_NAMES]:
+        ax.plot([], [], "s", color=shades[i], label=names[found[i]][:40])
+    if len(found):
+        title = None if len(found) <= MOST_NAMES else f"{MOST_NAMES} of {len(found)} objects"
+        ax.legend(title=title, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return figure
+
+
+def normal_map(image: RetinalImage) -> Figure:
+    """Normals as colours: x, y, z from -1 to 1 are red, green, blue from 0 to 1."""
+    normals = np.moveaxis(image.dataset["normal"].values, 0, -1)
+    pixels = np.where(image.dataset["object"].values[..., None] >= 0, 0.5 + 0.5 * normals, _NOTHING)
+    figure, ax = _map_axes(image, "normals: right is red, up is green, towards the eye is blue")
+    _draw_map(ax, image, np.clip(pixels, 0.0, 1.0))
+    return figure
+
+
+def _map_axes(image: RetinalImage, title: str) -> tuple[Figure, Axes]:
+    left, right, bottom, top = image.extent_deg
+    figure = Figure(figsize=(6.4, max(2.0, 5.2 * (top - bottom) / (right - left))))
+    ax = figure.subplots()
+    ax.set_title(title)
+    ax.set_xlabel("visual angle (deg)")
+    ax.set_ylabel("visual angle (deg)")
+    ax.set_facecolor((_NOTHING,) * 3)
+    return figure, ax
+
+
+def _draw_map(ax: Axes, image: RetinalImage, values: np.ndarray, **options: str) -> AxesImage:
+    return ax.imshow(values, extent=image.extent_deg, interpolation="nearest", **options)  # type: ignore[arg-type]
 
 
 def difference_maps(name: str, error: OcclusionError, reference: RetinalImage) -> Figure:

@@ -58,7 +58,7 @@ def write_report(
     images = {"ray_tracing": comparison.reference, **comparison.images}
     for name, image in images.items():
         written.append(image.save(folder / f"{name}.nc"))
-        written.append(_write(folder / f"{name}.png", _png(image.to_srgb(white, white_point))))
+        written.append(write_file(folder / f"{name}.png", png(image.to_srgb(white, white_point))))
     figures = {"images": plots.retinal_images(comparison, white_point)}
     for name, error in comparison.errors.items():
         figures[f"difference_{name}"] = plots.difference_maps(name, error, comparison.reference)
@@ -70,12 +70,12 @@ def write_report(
         buffer = io.BytesIO()
         figure.savefig(buffer, format="png", dpi=120, bbox_inches="tight")
         pictures[name] = buffer.getvalue()
-        written.append(_write(folder / f"{name}.png", pictures[name]))
+        written.append(write_file(folder / f"{name}.png", pictures[name]))
     record = report_record(comparison, command)
     text = json.dumps(record, indent=1, allow_nan=False)
-    written.append(_write(folder / "report.json", text.encode()))
+    written.append(write_file(folder / "report.json", text.encode()))
     page = _page(comparison, record, pictures)
-    written.append(_write(folder / "report.html", page.encode()))
+    written.append(write_file(folder / "report.html", page.encode()))
     return written
 
 
@@ -138,7 +138,8 @@ TABLE_HEAD = (
 )
 
 
-def _png(pixels: np.ndarray) -> bytes:
+def png(pixels: np.ndarray) -> bytes:
+    """An image of bytes, (rows, columns, 3), as a PNG file."""
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -146,7 +147,14 @@ def _png(pixels: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-def _write(path: Path, data: bytes) -> Path:
+def write_file(path: Path, data: bytes) -> Path:
+    """Write a file under a temporary name and move it into place; returns its path.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written.
+    """
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         temporary.write_bytes(data)

@@ -24,6 +24,8 @@ ORDER = (
     {"plots"},
     {"report"},
     {"distributed"},
+    {"cli_scene"},
+    {"cli_render"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}
@@ -133,3 +135,22 @@ def test_kernels_never_call_what_stops_vectorisation_or_loses_precision():
         )
         calls = re.findall(r"\b(native_\w+|half_\w+|mad|vload\d*|vstore\d*)\s*\(", code)
         assert calls == [], f"{path.name} calls {calls}"
+
+
+def test_every_file_of_the_package_is_installed(monkeypatch):
+    import runpy
+    from types import SimpleNamespace
+
+    found = {}
+    stand_in = SimpleNamespace(
+        setup=lambda **options: found.update(options), find_packages=lambda **_: []
+    )
+    monkeypatch.setitem(sys.modules, "setuptools", stand_in)
+    runpy.run_path(str(PACKAGE.parent / "setup.py"))
+    installed = set()
+    for name, patterns in found["package_data"].items():
+        folder = PACKAGE.parent.joinpath(*name.split("."))
+        installed |= {path for pattern in patterns for path in folder.glob(pattern)}
+    others = {p for p in PACKAGE.rglob("*") if p.suffix not in (".py", ".pyc") and p.is_file()}
+    assert others
+    assert others <= installed

@@ -187,3 +187,21 @@ def test_targets_come_back(tmp_path):
         again = saved(tmp_path, scene)
         assert_same(scene.objects, again.objects)
         assert (scene.background is None) == (again.background is None)
+
+
+def test_objects_keep_their_names(tmp_path):
+    grey = ic.Diffuse(GREY)
+    tree = ic.Mesh(MESH.vertices_m, MESH.faces)
+    names = ("a mug # 2", 'the "ring"', "birch", "oak", "lamp", "checks")
+    shapes = (QUAD, SPHERE, ic.Instance(tree, MATRIX), ic.Instance(tree, MIRRORED), DISC, QUAD)
+    emission = ic.Emission(LIGHT, ic.Checkerboard(8.0, 8.0, 1.0, 0.25))
+    materials = (grey,) * 4 + (ic.Emission(LIGHT), emission)
+    parts = zip(names, shapes, materials, strict=True)
+    again = saved(tmp_path, ic.Scene(tuple(ic.SceneObject(*part) for part in parts)))
+    assert tuple(item.name for item in again.objects) == names
+
+
+def test_a_file_without_names_calls_objects_by_their_lines(tmp_path):
+    path = tmp_path / "plain.pbrt"
+    path.write_text('WorldBegin\n# a comment\nAttributeBegin\nShape "sphere"\nAttributeEnd\n')
+    assert [item.name for item in ic.load_scene(path).objects] == ["sphere in line 4"]

@@ -12,16 +12,23 @@ README = (ROOT / "README.md").read_text()
 
 
 def blocks(language=""):
-    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.M | re.S)
+    found = re.findall(r"^```(\w*)\n(.*?)^```$", README, flags=re.M | re.S)
+    return [text for kind, text in found if kind == language]
 
 
-def test_the_python_example_runs(tmp_path, monkeypatch, capsys):
-    (example,) = blocks("python")
+def test_the_python_examples_run_one_after_the_other(tmp_path, monkeypatch, capsys):
+    import xarray
+
     monkeypatch.chdir(tmp_path)
-    exec(compile(example, "README.md", "exec"), {})
+    names = {}
+    for example in blocks("python"):
+        exec(compile(example, "README.md", "exec"), names)
     printed = capsys.readouterr().out
     assert "2 of 2 rays passed" in printed
+    assert "('table', 'mug', 'ring')" in printed
     assert (tmp_path / "retina.nc").exists()
+    assert names["view"].layers == 2
+    assert isinstance(names["image"].dataset["albedo"], xarray.DataArray)
 
 
 def test_the_two_commands_are_the_promised_ones():
@@ -29,6 +36,20 @@ def test_the_two_commands_are_the_promised_ones():
     setup = "python -m venv .venv && . .venv/bin/activate && "
     assert commands[0] == setup + "pip install . && isetcl compare"
     assert commands[2] == setup + 'pip install ".[test]" && pytest'
+
+
+def test_the_commands_that_render_are_understood():
+    import typer
+
+    from isetcl.cli import app
+
+    (block,) = (b for b in blocks() if b.startswith("isetcl render"))
+    render = typer.main.get_command(app).commands["render"]
+    parsed = [
+        render.make_context("render", shlex.split(line)[2:]).params for line in block.splitlines()
+    ]
+    assert [p["scene"] for p in parsed] == ["letters_at_depth", "chess_set", "kitchen.glb"]
+    assert [p["fov"] for p in parsed] == [None, 24.0, None]
 
 
 def test_the_command_with_photographs_is_understood(monkeypatch):

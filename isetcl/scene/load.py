@@ -23,7 +23,7 @@ def load_scene(path: str | Path, *, allow_outside: bool = False) -> Scene:
     path
         The file. Lengths are metres (millimetres where a PBRT camera says mmUnits).
     allow_outside
-        Whether a PBRT scene may read files outside of its own folder.
+        Whether a scene may read files outside of its own folder.
 
     Raises
     ------
@@ -53,6 +53,6 @@ def load_scene(path: str | Path, *, allow_outside: bool = False) -> Scene:
     if suffix in _MESH_SUFFIXES:
         from isetcl.scene.mesh_files import load_mesh_scene
 
-        return load_mesh_scene(file)
+        return load_mesh_scene(file, allow_outside=allow_outside)
     known = ", ".join((".pbrt", *_MESH_SUFFIXES))
     raise FileError(f"scene file {str(file)!r} has no known suffix (known: {known}); rename it")

@@ -96,13 +96,17 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Directive:
-    """A directive: its name, its plain arguments, its parameters, and where it stands."""
+    """A directive: its name, its plain arguments, its parameters, and where it stands.
+
+    `title` is what a comment calls the block that AttributeBegin opens.
+    """
 
     name: str
     place: Place
     strings: tuple[str, ...] = ()
     numbers: tuple[float, ...] = ()
     parameters: dict[str, Parameter] = field(default_factory=dict)
+    title: str = ""
 
 
 def parse(main: Path, files: SceneFiles) -> list[Directive]:
@@ -202,7 +206,7 @@ class _Parser:
         if name in _PARAMETERS:
             strings = self._strings(token, _PARAMETERS[name])
             return Directive(name, token.place, strings, parameters=self._parameters(name))
-        return Directive(name, token.place)
+        return Directive(name, token.place, title=token.name)
 
     def _option(self, directive: Token) -> Directive:
         """Version 4's options of the renderer: a name and a value, which say nothing of a scene."""

@@ -112,7 +112,7 @@ def _is_read(directive: Directive) -> bool:
 
 @dataclass
 class _State:
-    """What AttributeBegin keeps: the transform, the material, the light, defaults."""
+    """What AttributeBegin keeps: the transform, the material, the light, defaults, the name."""
 
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))
     is_active: bool = True
@@ -120,6 +120,7 @@ class _State:
     material: tuple[str, str, Parameters] | None = None
     light: tuple[str, Parameters] | None = None
     defaults: dict[str, dict[str, Parameter]] = field(default_factory=dict)
+    title: str = ""
 
     def copy(self) -> _State:
         """The same state, to be changed apart."""
@@ -275,6 +276,7 @@ class _Reader:
         kind = directive.name.removesuffix("Begin")
         self._stack.append((kind, self._state, directive.place))
         self._state = self._state.copy()
+        self._state.title = directive.title or self._state.title
 
     def _end(self, directive: Directive) -> None:
         kind = directive.name.removesuffix("End")
@@ -310,8 +312,12 @@ class _Reader:
         if name not in self._definitions:
             raise wrong(directive.place, f"object {name!r} is not defined; use ObjectBegin first")
         with located(directive.place):
-            for part in self._definitions[name]:
-                self._stage.add(part, self._state.matrix, f"{part.name} of {name}", directive.place)
+            parts = self._definitions[name]
+            for part in parts:
+                called = f"{part.name} of {self._state.title or name}"
+                if self._state.title and len(parts) == 1:
+                    called = self._state.title
+                self._stage.add(part, self._state.matrix, called, directive.place)
 
     def _world_begin(self, directive: Directive) -> None:
         if self._in_world:
@@ -415,7 +421,7 @@ class _Reader:
             return
         assert alpha is not None
         part = Part(
-            f"{kind} in line {directive.place.line}",
+            self._state.title or f"{kind} in line {directive.place.line}",
             geometry,
             self._state.matrix,
             self._state.is_reversed,

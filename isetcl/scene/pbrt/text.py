@@ -44,6 +44,11 @@ def file_stem(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]", "_", name)[:80] or "scene"
 
 
+def name_comment(name: str) -> str:
+    """The comment by which the reader knows the name of the block that follows."""
+    return "# Name: " + " ".join(name.split())
+
+
 def comment(text: str) -> str:
     """A line of comment."""
     return "# " + " ".join(str(text).split())[:120]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -15,6 +15,7 @@ from isetcl.scene.pbrt.places import Place, wrong
 Kind = Literal["word", "string", "number", "numbers", "open", "close"]
 
 _BLANK = re.compile(r"(?:\s+|#[^\n]*)+")
+_NAME = re.compile(r"^[ \t]*# Name:([^\n]*)$", re.MULTILINE)
 _STRING = re.compile(r'"((?:[^"\\\n]|\\[^\n])*)"')
 _WORD = re.compile(r'[^\s"\[\]#]+')
 _DIGITS = re.compile(r"[-+0-9.eE\s]*")
@@ -29,12 +30,14 @@ _LONGEST_SHOWN = 40
 class Token:
     """A piece of a file: its kind, its value and where it stands.
 
-    A list of nothing but numbers, in brackets, is one token of kind "numbers".
+    A list of nothing but numbers, in brackets, is one token of kind "numbers". The name is that of
+    a comment `# Name: ...` before AttributeBegin, by which scenes keep the names of their objects.
     """
 
     kind: Kind
     value: str | float | np.ndarray
     place: Place
+    name: str = ""
 
     def shown(self) -> str:
         """The token for a message."""
@@ -72,7 +75,15 @@ def tokens(text: str, file: str) -> Iterator[Token]:
         counted = position
         place = Place(file, line, position - text.rfind("\n", 0, position))
         token, position = _next(text, position, place)
+        if blank and token.kind == "word" and token.value == "AttributeBegin":
+            token = replace(token, name=_name(blank.group()))
         yield token
+
+
+def _name(blank: str) -> str:
+    """The name that the last of some comments states; empty without one."""
+    names = _NAME.findall(blank)
+    return names[-1].strip() if names else ""
 
 
 def _next(text: str, start: int, place: Place) -> tuple[Token, int]:

@@ -17,7 +17,7 @@ from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Sphere
 from isetcl.scene.pbrt.pictures import octahedral_directions
 from isetcl.scene.pbrt.places import Notes
 from isetcl.scene.pbrt.surfaces import has_texture
-from isetcl.scene.pbrt.text import comment, file_stem, number, numbers, spectral
+from isetcl.scene.pbrt.text import comment, file_stem, name_comment, number, numbers, spectral
 from isetcl.scene.pbrt.write_materials import MaterialWriter
 from isetcl.scene.texture import TEXTURES, Checkerboard, Image, Texture
 from isetcl.spectrum import Spectrum
@@ -196,7 +196,7 @@ class _Writer:
         if isinstance(material, EMITTING):
             material = Diffuse(Spectrum.constant(0.0, "black"))
         name = self._materials.material(material)
-        lines = [comment(item.name), "AttributeBegin", f'  NamedMaterial "{name}"']
+        lines = [name_comment(item.name), "AttributeBegin", f'  NamedMaterial "{name}"']
         if emission is not None:
             light = self._area_light(emission)
             lines += [f"  {light}"] if light else []
@@ -205,7 +205,7 @@ class _Writer:
         uses_uv = has_texture(material) or is_patterned or isinstance(opacity, TEXTURES)
         shape = item.shape
         if isinstance(shape, Instance):
-            self._instance(shape, lines[1:], alpha, emission is not None)
+            self._instance(shape, lines, alpha, emission is not None)
             return
         lines += self._shape(shape, alpha, uses_uv)
         self._world.append("\n".join([*lines, "AttributeEnd"]))
@@ -258,12 +258,13 @@ class _Writer:
     def _instance(self, shape: Instance, head: list[str], alpha: str, shines: bool) -> None:
         if shines:
             self._notes.add("instances that shine, which PBRT itself renders dark", "Instance")
-        body = "\n".join([*head, *self._shape(shape.mesh, alpha, True), "AttributeEnd"])
+        body = "\n".join([*head[1:], *self._shape(shape.mesh, alpha, True), "AttributeEnd"])
         if body not in self._definitions:
             name = f"object-{len(self._definitions)}"
             self._definitions[body] = name
             self._world.append(f'ObjectBegin "{name}"\n{body}\nObjectEnd')
         self._world.append(
+            f"{head[0]}\n"
             "AttributeBegin\n"
             f"  Transform {numbers(shape.matrix.T)}\n"
             f'  ObjectInstance "{self._definitions[body]}"\n'

@@ -1,0 +1,207 @@
+"""The command `isetcl render`: the retinal image of a scene file or a procedural target."""
+
+from __future__ import annotations
+
+import io
+import shlex
+import sys
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from isetcl import cli_scene
+from isetcl.errors import InvalidInputError
+
+if TYPE_CHECKING:
+    from isetcl.eye.model import Eye
+    from isetcl.retina.image import RetinalImage
+    from isetcl.scene.model import Scene
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells have it."""
+
+DEFAULT_ERROR = 0.02
+DEFAULT_TIME_S = 60.0
+
+_SCENE_HELP = (
+    "A file (.pbrt, .glb, .gltf, .obj, .ply, .stl, ...) or the name of a target: "
+    f"{', '.join(cli_scene.TARGETS)}."
+)
+_FOCUS_HELP = (
+    "Dioptres ('2'), a distance ('0.5m'), 'relaxed', or 'centre': what stands in the middle of the "
+    "image."
+)
+_FOV_HELP = "Width of the image, degrees (default: what shows the scene, 40 at most)."
+_TIME_HELP = (
+    "Stop after about so many seconds (without --spp, --error and --time: at an error of 2 %, or "
+    "after 60 s)."
+)
+_SKY_HELP = (
+    "Luminance of an even sky around the scene, cd/m^2 (default: 100 where a scene has no light "
+    "at all)."
+)
+
+
+def render(
+    scene: Annotated[str, typer.Argument(metavar="SCENE", help=_SCENE_HELP)],
+    eye: Annotated[str, typer.Option(help="Model eye: navarro, arizona or legrand.")] = "navarro",
+    pupil: Annotated[float, typer.Option(help="Diameter of the stop (iris), mm.")] = 4.0,
+    accommodation: Annotated[str, typer.Option(help=_FOCUS_HELP)] = "centre",
+    fov: Annotated[float | None, typer.Option(help=_FOV_HELP)] = None,
+    size: Annotated[str, typer.Option(help="Pixels: 256 for a square, or 320x200.")] = "256",
+    spp: Annotated[
+        int | None, typer.Option(help="Samples a pixel, instead of --error or --time.")
+    ] = None,
+    error: Annotated[
+        float | None, typer.Option(help="Stop at this relative error; 0.02 is 2 %.")
+    ] = None,
+    time: Annotated[float | None, typer.Option(help=_TIME_HELP)] = None,
+    max_bounces: Annotated[int, typer.Option(help="Times light may be scattered.")] = 8,
+    eye_at: Annotated[
+        str | None,
+        typer.Option(
+            "--from", metavar="X,Y,Z", help="Place of the eye, metres (default: the origin)."
+        ),
+    ] = None,
+    look_at: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="Point the eye looks at, metres (default: along -z)."),
+    ] = None,
+    sky: Annotated[float | None, typer.Option(help=_SKY_HELP)] = None,
+    layers: Annotated[
+        bool, typer.Option("--layers", help="Also write depth, objects and normals.")
+    ] = False,
+    explain: Annotated[
+        bool, typer.Option("--explain", help="Only print what would be compiled, and why.")
+    ] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path(
+        "isetcl-render"
+    ),
+    allow_outside: Annotated[
+        bool,
+        typer.Option("--allow-outside", help="The scene may read files outside of its folder."),
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the samples.")] = 0,
+    device: Annotated[
+        str | None, typer.Option(help="OpenCL device: 'platform:device' or part of its name.")
+    ] = None,
+) -> None:
+    """Render a scene file or a target; write retina.nc and retina.png.
+
+    Ctrl-C ends a render early and keeps the image so far.
+    """
+    try:
+        with _warnings_as_notes():
+            goal = _goal(spp, error, time)
+            focus, columns_and_rows = cli_scene.vergence(accommodation), cli_scene.pixels(size)
+            seen = _seen(scene, eye_at, look_at, allow_outside=allow_outside)
+            seen = cli_scene.lit(seen, sky)
+            view = {
+                "fov_deg": cli_scene.field_of_view(scene, seen, fov),
+                "resolution": columns_and_rows,
+                "max_bounces": max_bounces,
+                "device": device,
+            }
+            model = cli_scene.accommodated(eye, pupil, focus, seen)
+            if explain:
+                _explain(seen, model, view)
+                return
+            image = _traced(seen, model, view | goal | {"layers": layers, "seed": seed}, output)
+            written = _write(image, seen, output, layers=layers)
+    except KeyboardInterrupt:
+        print("isetcl: interrupted before there was an image to write", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    _report(image, seen, written)
+
+
+def _goal(spp: int | None, error: float | None, time: float | None) -> dict[str, Any]:
+    """When to stop, as arguments of `isetcl.render`."""
+    from isetcl.render.goal import Goal
+
+    if spp is None and error is None and time is None:
+        error, time = DEFAULT_ERROR, DEFAULT_TIME_S
+    if spp is not None and (error is not None or time is not None):
+        raise InvalidInputError(
+            "give --spp, or --error and --time, not both: a number of samples leaves nothing else "
+            "to decide"
+        )
+    Goal(spp, time, error, 0.0)
+    return {"spp": spp, "time_budget_s": time, "target_error": error}
+
+
+def _seen(name: str, eye_at: str | None, look_at: str | None, *, allow_outside: bool) -> Scene:
+    """The scene in the frame of the eye."""
+    place, target = cli_scene.point("--from", eye_at), cli_scene.point("--look-at", look_at)
+    scene = cli_scene.read_scene(name, allow_outside=allow_outside)
+    if place is None and target is None:
+        return scene
+    return scene.seen_from((0.0, 0.0, 0.0) if place is None else place, target)
+
+
+def _explain(scene: Scene, eye: Eye, view: dict[str, Any]) -> None:
+    from isetcl.render.plan import plan
+
+    print(plan(scene, eye, **view).explain())
+
+
+def _traced(scene: Scene, eye: Eye, options: dict[str, Any], output: Path) -> RetinalImage:
+    """The image; refuses an output folder that cannot be written before any work."""
+    from isetcl.render.render import render as trace
+    from isetcl.report import check_folder
+
+    check_folder(output)
+    image = trace(scene, eye, **options)
+    image.dataset.attrs["command"] = shlex.join(["isetcl", *sys.argv[1:]])
+    return image
+
+
+def _write(image: RetinalImage, scene: Scene, folder: Path, *, layers: bool) -> list[Path]:
+    """The data first, then pictures of them."""
+    from isetcl import plots
+    from isetcl.report import png, write_file
+
+    written = [image.save(folder / "retina.nc")]
+    white = cli_scene.exposure_lux(scene, image.illuminance_lux.values)
+    pixels = image.to_srgb(white or None, cli_scene.white_point(scene))
+    written.append(write_file(folder / "retina.png", png(pixels)))
+    if layers:
+        names = [item.name for item in scene.objects]
+        figures = {
+            "depth": plots.depth_map(image),
+            "object": plots.object_map(image, names),
+            "normal": plots.normal_map(image),
+        }
+        for name, figure in figures.items():
+            buffer = io.BytesIO()
+            figure.savefig(buffer, format="png", dpi=120, bbox_inches="tight")
+            written.append(write_file(folder / f"{name}.png", buffer.getvalue()))
+    return written
+
+
+def _report(image: RetinalImage, scene: Scene, written: list[Path]) -> None:
+    """A line about the image, advice where it shows nothing, and the status after Ctrl-C."""
+    from isetcl.scene.extent import is_in_view
+
+    details = image.provenance
+    if scene.objects and not is_in_view(scene, details["grid"]["fov_deg"]):
+        cli_scene.note(f"no object is in sight: {cli_scene.where(scene)}")
+    names = ", ".join(path.name for path in written)
+    print(
+        f"{details['elapsed_s']:.1f} s on {details['device']}; error "
+        f"{100 * image.relative_error:.2g} %; {names} in {written[0].parent}/"
+    )
+    if not details["is_complete"]:
+        print("isetcl: interrupted; the image holds what was finished", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED)
+
+
+@contextmanager
+def _warnings_as_notes() -> Iterator[None]:
+    """Warnings as lines for a reader of the terminal, without places in the code."""
+    with warnings.catch_warnings():
+        warnings.showwarning = lambda message, *_, **__: cli_scene.note(str(message))
+        yield
