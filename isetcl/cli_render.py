@@ -35,6 +35,9 @@ _FOCUS_HELP = (
     "Dioptres ('2'), a distance ('0.5m'), 'relaxed', or 'centre': what stands in the middle of the "
     "image."
 )
+_FROM_HELP = (
+    "Place of the eye, metres (default: the origin; in a PBRT file it is where the camera stands)."
+)
 _FOV_HELP = "Width of the image, degrees (default: what shows the scene, 40 at most)."
 _TIME_HELP = (
     "Stop after about so many seconds (without --spp, --error and --time: at an error of 2 %, or "
@@ -63,9 +66,7 @@ def render(
     max_bounces: Annotated[int, typer.Option(help="Times light may be scattered.")] = 8,
     eye_at: Annotated[
         str | None,
-        typer.Option(
-            "--from", metavar="X,Y,Z", help="Place of the eye, metres (default: the origin)."
-        ),
+        typer.Option("--from", metavar="X,Y,Z", help=_FROM_HELP),
     ] = None,
     look_at: Annotated[
         str | None,
@@ -98,8 +99,8 @@ def render(
         with _warnings_as_notes():
             goal = _goal(spp, error, time)
             focus, columns_and_rows = cli_scene.vergence(accommodation), cli_scene.pixels(size)
-            seen = _seen(scene, eye_at, look_at, allow_outside=allow_outside)
-            seen = cli_scene.lit(seen, sky)
+            loaded = cli_scene.read_scene(scene, allow_outside=allow_outside)
+            seen = cli_scene.lit(cli_scene.placed(loaded, eye_at, look_at), sky)
             view = {
                 "fov_deg": cli_scene.field_of_view(scene, seen, fov),
                 "resolution": columns_and_rows,
@@ -115,7 +116,7 @@ def render(
     except KeyboardInterrupt:
         print("isetcl: interrupted before there was an image to write", file=sys.stderr)
         raise typer.Exit(INTERRUPTED) from None
-    _report(image, seen, written)
+    _report(image, seen, loaded, written)
 
 
 def _goal(spp: int | None, error: float | None, time: float | None) -> dict[str, Any]:
@@ -129,17 +130,12 @@ def _goal(spp: int | None, error: float | None, time: float | None) -> dict[str,
             "give --spp, or --error and --time, not both: a number of samples leaves nothing else "
             "to decide"
         )
+    if error is not None and error >= 1.0:
+        raise InvalidInputError(
+            f"--error must be a share below 1, got {error:g}; 0.02 stands for 2 %"
+        )
     Goal(spp, time, error, 0.0)
     return {"spp": spp, "time_budget_s": time, "target_error": error}
-
-
-def _seen(name: str, eye_at: str | None, look_at: str | None, *, allow_outside: bool) -> Scene:
-    """The scene in the frame of the eye."""
-    place, target = cli_scene.point("--from", eye_at), cli_scene.point("--look-at", look_at)
-    scene = cli_scene.read_scene(name, allow_outside=allow_outside)
-    if place is None and target is None:
-        return scene
-    return scene.seen_from((0.0, 0.0, 0.0) if place is None else place, target)
 
 
 def _explain(scene: Scene, eye: Eye, view: dict[str, Any]) -> None:
@@ -182,13 +178,15 @@ def _write(image: RetinalImage, scene: Scene, folder: Path, *, layers: bool) -> 
     return written
 
 
-def _report(image: RetinalImage, scene: Scene, written: list[Path]) -> None:
+def _report(image: RetinalImage, seen: Scene, loaded: Scene, written: list[Path]) -> None:
     """A line about the image, advice where it shows nothing, and the status after Ctrl-C."""
     from isetcl.scene.extent import is_in_view
 
     details = image.provenance
-    if scene.objects and not is_in_view(scene, details["grid"]["fov_deg"]):
-        cli_scene.note(f"no object is in sight: {cli_scene.where(scene)}")
+    if seen.objects and not is_in_view(seen, details["grid"]["fov_deg"]):
+        cli_scene.note(f"no object is in sight: {cli_scene.where(loaded)}")
+    elif seen.objects and not image.irradiance.values.any():
+        cli_scene.note(f"does the eye stand inside an object? {cli_scene.where(loaded)}")
     names = ", ".join(path.name for path in written)
     print(
         f"{details['elapsed_s']:.1f} s on {details['device']}; error "

@@ -40,11 +40,16 @@ TARGETS = {
 WIDEST_FOV_DEG = 40.0
 """Field of view, unless asked for, of scenes that are wider."""
 
+NARROWEST_FOV_DEG = 0.5
+"""Field of view, unless asked for, of scenes that are narrower."""
+
 SKY_CD_M2 = 100.0
 """Luminance of the sky around a scene without any light."""
 
 _HEADROOM = 3.0
-"""Illuminance shown as white, times that of three quarters of the image."""
+"""Illuminance shown as white, times what a quarter of the lit part of the image exceeds."""
+_DARK = 0.002
+"""Illuminance of parts that are not lit, times the brightest."""
 
 _WORDS = ("relaxed", "centre")
 _METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
@@ -75,7 +80,13 @@ def read_scene(name: str, *, allow_outside: bool) -> Scene:
             raise InvalidInputError(f"{error}; a scene file has a suffix, such as .glb") from None
     if not path.exists():
         raise FileError(f"scene file {name!r} does not exist{_near_files(path)}")
-    return load.load_scene(path, allow_outside=allow_outside)
+    try:
+        scene = load.load_scene(path, allow_outside=allow_outside)
+    except FileError as error:
+        raise FileError(str(error).replace("allow_outside=True", "--allow-outside")) from error
+    if not scene.objects:
+        note(f"scene {scene.name!r} holds no objects: all that is seen is its background")
+    return scene
 
 
 def _target_of(name: str) -> str | None:
@@ -101,6 +112,31 @@ def _near_files(path: Path) -> str:
         return f": there is no folder {str(path.parent)!r}"
     near = difflib.get_close_matches(path.name, names, n=3, cutoff=0.6)
     return f"; did you mean {' or '.join(str(path.parent / n) for n in near)}?" if near else ""
+
+
+def placed(scene: Scene, eye_at: str | None, look_at: str | None) -> Scene:
+    """The scene in the frame of an eye at a point that looks at another, each 'x,y,z' or None.
+
+    An eye that looks straight up or down has -z on top.
+
+    Raises
+    ------
+    InvalidInputError
+        If a point is none, or both are the same.
+    """
+    start, target = point("--from", eye_at), point("--look-at", look_at)
+    if start is None and target is None:
+        return scene
+    place = (0.0, 0.0, 0.0) if start is None else start
+    if target is None:
+        return scene.seen_from(place)
+    x, _, z = np.subtract(target, place)
+    is_upright = math.hypot(x, z) > 1e-6 * math.dist(target, place)
+    if target == place:
+        raise InvalidInputError(
+            f"--look-at must be another point than --from, got {look_at!r} for both"
+        )
+    return scene.seen_from(place, target, up=(0, 1, 0) if is_upright else (0, 0, -1))
 
 
 def point(option: str, text: str | None) -> tuple[float, float, float] | None:
@@ -272,10 +308,10 @@ def exposure_lux(scene: Scene, illuminance_lux: np.ndarray) -> float:
     leave the room dark.
     """
     brightest = float(np.percentile(illuminance_lux, 99.5))
-    if not scene.has_reflection:
+    lit_parts = illuminance_lux[illuminance_lux > _DARK * brightest]
+    if not scene.has_reflection or lit_parts.size == 0:
         return brightest
-    usual = _HEADROOM * float(np.percentile(illuminance_lux, 75))
-    return min(brightest, max(usual, 0.01 * brightest))
+    return min(brightest, _HEADROOM * float(np.percentile(lit_parts, 75)))
 
 
 def field_of_view(name: str, scene: Scene, asked: float | None) -> float:
@@ -287,7 +323,7 @@ def field_of_view(name: str, scene: Scene, asked: float | None) -> float:
     target = _target_of(name)
     if target is not None and not Path(name).exists():
         return TARGETS[target]
-    return min(WIDEST_FOV_DEG, 1.05 * width_deg(scene))
+    return min(WIDEST_FOV_DEG, max(NARROWEST_FOV_DEG, 1.05 * width_deg(scene)))
 
 
 def where(scene: Scene) -> str:

@@ -55,6 +55,10 @@ def depth_map(image: RetinalImage) -> Figure:
     values = np.ma.masked_equal(depth.values, 0.0)
     figure, ax = _map_axes(image, "depth")
     drawn = _draw_map(ax, image, values, cmap="viridis")
+    low, high = drawn.get_clim()
+    if high - low < 1e-3 * high:
+        # Rounding of an even depth is no depth.
+        drawn.set_clim(0.95 * low, 1.05 * high)
     figure.colorbar(drawn, ax=ax, label="vergence of the surface (1/m)", shrink=0.85)
     return figure
 

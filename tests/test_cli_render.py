@@ -99,7 +99,7 @@ def test_explain_prints_the_plan_and_renders_nothing(isetcl, tmp_path):
 BAD = [
     (["cornel_box"], "did you mean cornell_box?"),
     (["nothing.pbrt"], "scene file 'nothing.pbrt' does not exist"),
-    (["scene.pbrtt"], "did you mean scene.pbrt?"),
+    (["scene.pbrtt"], "did you mean scene.pbrt"),
     (["nowhere/scene.pbrt"], "there is no folder 'nowhere'"),
     (["."], "is a folder"),
     (["notes.txt"], "no known suffix"),
@@ -121,7 +121,9 @@ BAD = [
     (["uniform", "--from", "1,2"], "--from must be three numbers"),
     (["uniform", "--from", "1,2,inf"], "--from must be three numbers"),
     (["uniform", "--look-at", "a,b,c"], "--look-at must be three numbers"),
-    (["uniform", "--look-at", "0,0,0"], "must differ"),
+    (["uniform", "--look-at", "0,0,0"], "must be another point than --from"),
+    (["uniform", "--error", "5"], "0.02 stands for 2 %"),
+    (["outside.pbrt"], "pass --allow-outside"),
     (["uniform", "--sky", "0"], "--sky must be > 0 cd/m^2"),
     (["uniform", "--eye", "navaro"], "did you mean navarro"),
     (["uniform", "--pupil", "-2"], "pupil_diameter_mm must be > 0"),
@@ -134,6 +136,8 @@ BAD = [
 @pytest.mark.parametrize(("arguments", "message"), BAD, ids=[" ".join(b[0]) for b in BAD])
 def test_bad_input_is_explained_without_a_traceback(arguments, message, isetcl, tmp_path):
     (tmp_path / "notes.txt").write_text("no scene")
+    outside = 'WorldBegin Shape "plymesh" "string filename" "../a.ply"'
+    (tmp_path / "outside.pbrt").write_text(outside)
     (tmp_path / "scene.pbrt").write_text("WorldBegin")
     status, _, err = isetcl(*arguments)
     assert status == 2
@@ -272,3 +276,45 @@ def test_what_stands_ahead_is_found_on_every_kind_of_shape():
     shift[0, 3] = 5.0
     assert ahead(ic.Instance(near, shift)) == math.inf
     assert ahead(behind) == math.inf
+
+
+def test_a_lamp_in_sight_does_not_decide_the_exposure_of_a_room():
+    room, stars = ic.scenes.cornell_box(), ic.scenes.point_grid()
+    lux = np.full((20, 20), 1.0)
+    lux[0, :4] = 100.0
+    assert cli_scene.exposure_lux(room, lux) == pytest.approx(3.0)
+    # Lights alone, and things before the dark, are shown by their own brightness.
+    assert cli_scene.exposure_lux(stars, lux) == pytest.approx(100.0)
+    lux[1:] = 0.0
+    lux[0] = 50.0
+    assert cli_scene.exposure_lux(room, lux) == pytest.approx(50.0)
+    assert cli_scene.exposure_lux(room, 0.0 * lux) == 0.0
+
+
+def test_an_eye_may_look_straight_down_with_minus_z_on_top():
+    ball = ic.SceneObject(
+        "ball", ic.Sphere((0, 0, -0.5), 0.1), ic.Diffuse(ic.Spectrum.constant(0.5))
+    )
+    seen = cli_scene.placed(ic.Scene((ball,)), "0,2,0", "0,0,0").objects[0].shape
+    np.testing.assert_allclose(seen.centre_m, (0, 0.5, -2), atol=1e-12)
+
+
+def test_advice_is_in_the_frame_of_the_scene_wherever_the_eye_stands(isetcl, tmp_path):
+    (tmp_path / "square.obj").write_text(SQUARE)
+    _, _, err = isetcl("square.obj", *TINY, "--fov", "4", "--from", "0,0,-3")
+    assert "y -0.1 to 0.1, z -1 to -1 m" in err
+
+
+def test_a_file_without_objects_is_told(isetcl, tmp_path):
+    (tmp_path / "empty.pbrt").write_text('WorldBegin LightSource "infinite"')
+    assert "holds no objects" in isetcl("empty.pbrt", *TINY)[2]
+
+
+def test_an_eye_inside_an_object_is_told_so(isetcl, tmp_path):
+    import trimesh
+
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "box.stl")
+    status, _, err = isetcl("box.stl", *TINY)
+    assert status == 0
+    assert "does the eye stand inside an object?" in err
+    assert "to see them whole: --from" in err
