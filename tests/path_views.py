@@ -7,6 +7,7 @@ import numpy as np
 
 import isetcl as ic
 from isetcl.eye.field import direction_from_field
+from isetcl.render.kernel_config import PathConfig
 from isetcl.render.paths import PathPipeline
 from isetcl.units import MM_PER_M
 
@@ -16,6 +17,12 @@ DARK = ic.Emission(ic.Spectrum.constant(0.0))
 EYE = ic.eyes.navarro(3.0)
 PINHOLE = ic.eyes.navarro(0.05)
 ONE = {"wavelengths_nm": [550.0], "bands": 1}
+EVERYTHING = {
+    field.name: True
+    for field in dataclasses.fields(PathConfig)
+    if field.name.startswith("has_") and field.name not in ("has_far_side", "has_semi_diameters")
+} | {"combined_depth": 2}
+"""Changes of a configuration that compile all features in, so that scenes share one kernel."""
 
 
 @functools.cache

@@ -42,10 +42,14 @@ INLINE int any_lane(maskv condition) { return !all_lanes(!condition); }
 
 /* largest_lane - the largest number of all lanes. */
 INLINE int largest_lane(intv x) {
+#ifdef HAS_REDUCTIONS
+  return __builtin_reduce_max(x);
+#else
   int most = LANE(x, 0);
 #pragma unroll
   for (int i = 1; i < WIDTH; ++i) most = LANE(x, i) > most ? LANE(x, i) : most;
   return most;
+#endif
 }
 
 /* next_number - the largest number left, and the lanes that have it; they are then done (-1).

@@ -171,10 +171,18 @@ INLINE intv divide(intv a, int n, intv *rest) {
 /* is_number - lanes that are neither infinite nor NaN. */
 INLINE maskv is_number(realv x) { return x - x == 0; }
 
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_reduce_max) && WIDTH > 1
+#define HAS_REDUCTIONS 1
+#endif
+#endif
+
 /* all_lanes - whether a condition holds in every lane. */
 INLINE int all_lanes(maskv condition) {
 #if WIDTH == 1
   return condition != 0;
+#elif defined(HAS_REDUCTIONS)
+  return __builtin_reduce_max(int_from_mask(condition)) != 0;
 #else
   intv lanes = int_from_mask(condition);
   int all = -1;

@@ -41,10 +41,15 @@ INLINE void number_paths(const samples_t *samples, const slotsv *at, uintv *pixe
   number = divide(rest, samples->n_bands, &band->number);
   band->number += samples->first_band;
   pixel += samples->first_pixel;
+#if ONE_BAND
+  band->is_same = 1;
+  band->first = (intv)samples->band_first[samples->first_band];
+#else
   band->is_same = all_lanes(mask_from_int(band->number == LANE(band->number, 0)));
 #pragma unroll
   for (int i = 0; i < WIDTH; ++i)
     LANE(band->first, i) = samples->band_first[LANE(band->number, i)];
+#endif
   constant tile_t *tile = samples->tile;
   intv column;
   intv row = divide(pixel, tile->columns, &column);

@@ -2,6 +2,9 @@
  */
 #include "lib/lanes.cl"
 
+/* A bundle of paths that stays in the memory of a work-group belongs to one band. */
+#define ONE_BAND PATHS_ARE_LOCAL
+
 /* bandv - where the four wavelengths of every lane begin in the rows of the table of spectra.
  *
  * is_same   whether all lanes have the same, so that values are read once
@@ -15,25 +18,29 @@ typedef struct {
 INLINE void spectrum4(global const real *spectra, int n_columns, int row, const bandv *band,
                       colourv *value) {
   global const real *at = spectra + (size_t)row * n_columns;
-  if (band->is_same) {
+  if (ONE_BAND || band->is_same) {
     at += LANE(band->first, 0);
     for (int k = 0; k < 4; ++k) value->w[k] = (realv)at[k];
     return;
   }
+#if !ONE_BAND
 #pragma unroll
   for (int i = 0; i < WIDTH; ++i) {
     global const real *of_lane = at + LANE(band->first, i);
     for (int k = 0; k < 4; ++k) LANE(value->w[k], i) = of_lane[k];
   }
+#endif
 }
 
 /* band_value - the value of each lane's band in a row that holds one value a band. */
 INLINE realv band_value(global const real *spectra, int n_columns, int row, const bandv *band) {
   global const real *at = spectra + (size_t)row * n_columns;
-  if (band->is_same) return (realv)at[LANE(band->number, 0)];
-  realv value;
+  if (ONE_BAND || band->is_same) return (realv)at[LANE(band->number, 0)];
+  realv value = 0;
+#if !ONE_BAND
 #pragma unroll
   for (int i = 0; i < WIDTH; ++i) LANE(value, i) = at[LANE(band->number, i)];
+#endif
   return value;
 }
 
