@@ -45,6 +45,7 @@ setup(
     extras_require={
         "test": [
             "pytest>=7.4",
+            "pytest-xdist>=3.3",
             "hypothesis>=6.80",
             "mpmath>=1.3",
             "ruff>=0.6",

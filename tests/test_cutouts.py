@@ -7,6 +7,8 @@ from path_views import HALF, PINHOLE, UNIT, chief_rays, pixels_of, placed, quad_
 import isetcl as ic
 from isetcl.scene.view import intersect
 
+pytestmark = pytest.mark.usefixtures("shared_kernels")
+
 BACK = ic.SceneObject(
     "back", ic.Quad((-9, -9, -4), (18, 0, 0), (0, 18, 0)), ic.Emission(UNIT.scaled(3.0))
 )

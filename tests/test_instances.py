@@ -24,6 +24,8 @@ from isetcl.render import pack_paths
 from isetcl.render.trees import SceneTrees
 from isetcl.scene.view import nearest_distance_m
 
+pytestmark = pytest.mark.usefixtures("shared_kernels")
+
 
 def ball_mesh(subdivisions=2, *, smooth=False, uv=False):
     ball = trimesh.creation.icosphere(subdivisions=subdivisions)

@@ -5,6 +5,8 @@ import pytest
 
 import isetcl as ic
 
+pytestmark = pytest.mark.usefixtures("shared_kernels")
+
 UNIT = ic.Spectrum.constant(1.0)
 EYE = ic.eyes.navarro(3.0)
 WALL = ic.SceneObject(

@@ -19,6 +19,8 @@ from path_views import (
 import isetcl as ic
 from isetcl.render import pack_lights
 
+pytestmark = pytest.mark.usefixtures("shared_kernels")
+
 WALL = ic.SceneObject("wall", ic.Quad((-5, -5, -1), (10, 0, 0), (0, 10, 0)), HALF)
 
 

@@ -281,6 +281,7 @@ WHITE_FURNACE = {
 }
 
 
+@pytest.mark.usefixtures("shared_kernels")
 @pytest.mark.parametrize("name", WHITE_FURNACE)
 def test_lossless_bodies_cannot_be_seen_under_an_even_sky(name):
     ball = ic.SceneObject("ball", ic.Sphere((0.0, 0.0, -0.5), 0.1), WHITE_FURNACE[name])
@@ -315,6 +316,7 @@ def closed_box(material, emission, side=2.0):
     )
 
 
+@pytest.mark.usefixtures("shared_kernels")
 @pytest.mark.parametrize("name", BOX)
 def test_a_closed_box_is_a_furnace(name):
     """Radiance Le / (1 - rho) on every pixel."""

@@ -7,6 +7,11 @@ from path_views import EVERYTHING, EYE, HALF, UNIT, pipeline_of, pixels_of, plac
 import isetcl as ic
 from isetcl.render import plan as plan_module
 
+# Kernels with everything compiled in take long to build; in double precision, a second time.
+BOTH = pytest.mark.parametrize(
+    "precision", ["single", pytest.param("double", marks=pytest.mark.slow)]
+)
+
 WALL = ic.SceneObject("wall", ic.Quad((-5, -5, -1), (10, 0, 0), (0, 10, 0)), HALF)
 GLASS = ic.Medium("glass", ic.ConstantIndex(1.5))
 
@@ -67,6 +72,7 @@ def film_of(is_fused, precision="single", samples=16):
     return pipeline.sample(tile, samples, 7)
 
 
+@BOTH
 def test_stages_give_the_image_of_the_one_kernel(precision):
     fused, staged = film_of(True, precision), film_of(False, precision)
     off = np.abs(staged - fused)[0] / fused[0].mean()
@@ -76,6 +82,7 @@ def test_stages_give_the_image_of_the_one_kernel(precision):
     assert np.mean(off > 1e-2) < 0.05
 
 
+@pytest.mark.slow
 def test_single_and_double_agree_but_for_paths_at_edges():
     single, double = film_of(True, "single", 64), film_of(True, "double", 64)
     off = np.abs(single - double)[0] / double[0].mean()
@@ -83,7 +90,7 @@ def test_single_and_double_agree_but_for_paths_at_edges():
     assert single[0].mean() == pytest.approx(double[0].mean(), rel=5e-3)
 
 
-@pytest.mark.parametrize("is_fused", [True, False])
+@pytest.mark.parametrize("is_fused", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_any_tiles_give_the_same_bits(is_fused, monkeypatch):
     monkeypatch.setattr(plan_module, "_decide_fused", lambda device, notes: is_fused)
     where = {"fov_deg": 24.0, "resolution": (50, 30), "spp": 10, "max_bounces": 4, "seed": 3}
@@ -134,6 +141,7 @@ def scaled_scene(size):
 
 
 @pytest.mark.parametrize("size", [1e-3, 1e3, 1e9])
+@BOTH
 def test_scenes_look_alike_whatever_their_size(size, precision):
     """As seen from the middle: far from the cornea all that counts are angles."""
     eye = ic.eyes.navarro(0.05)
@@ -147,6 +155,7 @@ def test_scenes_look_alike_whatever_their_size(size, precision):
         assert other.mean() == pytest.approx(metre.mean(), rel=0.05)
 
 
+@BOTH
 def test_tiny_scenes_have_finite_pixels(precision):
     """Shapes of a micrometre right before the cornea."""
     pipeline, tile = pipeline_of(
@@ -204,6 +213,7 @@ HARD = {
 
 
 @pytest.mark.parametrize("name", HARD)
+@BOTH
 def test_no_scene_makes_pixels_that_are_no_numbers(name, precision):
     lights = (
         ic.PointLight((0, 0, -1), UNIT),
@@ -218,3 +228,29 @@ def test_no_scene_makes_pixels_that_are_no_numbers(name, precision):
         film = pipeline.sample(tile, 16, stream)
         assert np.isfinite(film).all()
         assert film.min() >= 0
+
+
+def test_what_is_compiled_in_without_need_changes_nothing(request):
+    """The kernels of a plan, and those that tests share, give the same image to rounding."""
+    scenes = {name: make() if callable(make) else make for name, make in SHARED.items()}
+    where = {"fov_deg": 6.0, "resolution": 16, "spp": 16, "seed": 5, "max_bounces": 3}
+    own = {n: ic.render(s, EYE, **where).irradiance.values for n, s in scenes.items()}
+    request.getfixturevalue("shared_kernels")
+    for name, scene in scenes.items():
+        shared = ic.render(scene, EYE, **where).irradiance.values
+        off = np.abs(shared - own[name])
+        assert np.mean(off > 1e-4 * own[name].max()) < 0.01, name
+        assert shared.mean() == pytest.approx(float(own[name].mean()), rel=1e-3), name
+
+
+def lit_floor(material, *more, **parts):
+    floor = ic.SceneObject("floor", ic.Quad((-1, -0.2, 0), (2, 0, 0), (0, 0, -2)), material)
+    lamp = ic.SceneObject("lamp", ic.Quad((-0.2, 0.6, -1), (0.4, 0, 0), (0, 0, 0.4)), LAMP)
+    return ic.Scene((floor, lamp, *more), ic.Spectrum.constant(0.2), **parts)
+
+
+LAMP = ic.Emission(ic.Spectrum.constant(5.0))
+SHARED = {
+    "matt": lit_floor(ic.Diffuse(ic.Spectrum.constant(0.5), ic.Checkerboard(8, 8, 1.0, 0.3))),
+    "glossy": lit_floor(ic.Mirror(ic.Spectrum.constant(0.8), 0.3)),
+}

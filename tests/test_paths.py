@@ -10,6 +10,8 @@ import isetcl as ic
 from isetcl.render import plan as plan_module
 from isetcl.render.paths import PathPipeline
 
+pytestmark = pytest.mark.usefixtures("shared_kernels")
+
 UNIT = ic.Spectrum.constant(1.0)
 HALF = ic.Diffuse(ic.Spectrum.constant(0.5))
 EYE = ic.eyes.navarro(3.0)
@@ -41,6 +43,7 @@ def radiance_of(scene, *, fov_deg=0.05, resolution=4, spp=256, **options):
     return float(image.irradiance.mean()) / scale, error / scale
 
 
+@pytest.mark.own_kernels
 def test_what_only_emits_is_seen_as_by_the_direct_pipeline(precision):
     objects = (
         ic.SceneObject("disc", ic.Disc((0.01, 0, -0.5), 0.01), ic.Emission(UNIT)),
@@ -204,6 +207,7 @@ def test_smooth_normals_shade_a_coarse_ball_as_a_sphere():
     assert off[0] < 0.3 * off[1]
 
 
+@pytest.mark.own_kernels
 def test_tiles_do_not_change_a_bit(monkeypatch):
     lamp = ic.SceneObject("lamp", ic.Sphere((0.3, 0.2, -0.5), 0.1), ic.Emission(UNIT))
     where = {"fov_deg": 6.0, "resolution": (70, 50), "spp": 20, "bands": 2, "max_bounces": 3}
@@ -242,6 +246,7 @@ def test_the_error_of_scattered_light_is_honest():
     assert claimed == pytest.approx(spread, rel=0.2)
 
 
+@pytest.mark.own_kernels
 def test_the_plan_leaves_out_what_a_scene_does_not_need():
     emitting = ic.plan(ic.Scene((hidden_mesh(),)), EYE, resolution=4)
     assert emitting.config.max_bounces == 0
@@ -371,6 +376,7 @@ def test_a_light_field_is_dark_from_behind_and_lights_a_wall():
     assert a[0] == pytest.approx(b[0], abs=4 * np.hypot(a[1], b[1]) + 1e-3 * b[0])
 
 
+@pytest.mark.own_kernels
 def test_pictures_are_read_as_wide_as_the_ray(monkeypatch):
     """A floor of random texels: far away a pixel covers many, near by it does not cover one.
 

@@ -5,6 +5,8 @@ import pytest
 
 import isetcl as ic
 
+pytestmark = pytest.mark.usefixtures("shared_kernels")
+
 EYE = ic.eyes.navarro(3.0)
 UNIT = ic.Spectrum.constant(1.0)
 TWO = np.array([500.0, 600.0])

@@ -207,7 +207,7 @@ def test_a_crash_while_writing_leaves_the_old_file(tmp_path, monkeypatch):
 
 
 def test_a_crash_while_writing_a_report_file_leaves_the_old_one(tmp_path, monkeypatch):
-    from isetcl.report import _write
+    from isetcl.report import write_file
 
     path = tmp_path / "a.png"
     path.write_bytes(b"precious")
@@ -219,7 +219,7 @@ def test_a_crash_while_writing_a_report_file_leaves_the_old_one(tmp_path, monkey
 
     monkeypatch.setattr(Path, "write_bytes", crash)
     with pytest.raises(ic.FileError, match="disk full"):
-        _write(path, b"new")
+        write_file(path, b"new")
     assert path.read_bytes() == b"precious"
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
 

@@ -7,6 +7,8 @@ from path_views import HALF, PINHOLE, UNIT, chief_rays, pixels_of, quad_mesh, ra
 import isetcl as ic
 from isetcl.scene.view import intersect
 
+pytestmark = pytest.mark.usefixtures("shared_kernels")
+
 QUAD = ic.Quad((-0.06, -0.05, -1), (0.12, 0.01, 0.02), (0.0, 0.1, 0.01))
 WHERE = {"fov_deg": 5.0, "resolution": 10}
 PICTURE = np.random.default_rng(2).random((7, 5))

@@ -94,6 +94,10 @@ GROUP_PIXELS = 64
 """Pixels whose paths a work-item follows where they stay in its cache."""
 
 
+PATH_LANES = {"single": 16, "double": 8}
+"""Most paths side by side: one 512-bit register of them."""
+
+
 def paths_an_item(device: Device) -> int:
     """Paths that a work-item shades one after the other."""
     return 64 if device.is_cpu else 1
@@ -101,7 +105,7 @@ def paths_an_item(device: Device) -> int:
 
 def path_width(device: Device, precision: Precision) -> int:
     """Paths that are shaded side by side: one hardware vector of them on a CPU."""
-    return min(device.vector_width(precision), 16 if precision == "single" else 8)
+    return min(device.vector_width(precision), PATH_LANES[precision])
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 #include "lib/sobol.cl"
 
 /* opacity_at - opacity of what rays hit, and whether it adds light without hiding any. */
-INLINE realv opacity_at(const shapes_t *shapes, const triangles_t *triangles,
+SHARED realv opacity_at(const shapes_t *shapes, const triangles_t *triangles,
                         const looks_t *looks, const pathv *ray, const shape_hitv *hit,
                         maskv *is_additive) {
   realv opacity = 1;

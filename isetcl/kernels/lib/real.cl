@@ -30,6 +30,16 @@ typedef int8 real_bits8;
 
 #define INLINE __attribute__((always_inline)) static inline
 
+/* SHARED - for long functions that are called in several places: with a copy in each place kernels
+ * take many times as long to build, and a call costs little beside such a function. A GPU inlines
+ * everything anyway.
+ */
+#if CPU_BUILTINS
+#define SHARED __attribute__((noinline, unused)) static
+#else
+#define SHARED INLINE
+#endif
+
 #if WIDTH == 1
 typedef real realv;      /* lanes of reals */
 typedef real_bits maskv; /* lanes of truth values, as comparisons of realv give them */

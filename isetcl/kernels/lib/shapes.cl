@@ -9,6 +9,13 @@
 #include "lib/instances.cl"
 #endif
 
+/* Cut-outs look for surfaces in several places. */
+#if HAS_CUTOUTS || HAS_ADDITIVE
+#define SEARCHING SHARED
+#else
+#define SEARCHING INLINE
+#endif
+
 /* Rays: origin and unit direction, metres. */
 typedef struct {
   realv ox, oy, oz, dx, dy, dz;
@@ -71,7 +78,7 @@ INLINE maskv ball_hit(constant ball_t *ball, const pathv *ray, realv least, real
 
 #if HAS_MESHES
 /* mesh_hit_of_lane - the nearest triangle for one lane; see first_hit. */
-INLINE void mesh_hit_of_lane(const shapes_t *shapes, real ox, real oy, real oz, real dx, real dy,
+SHARED void mesh_hit_of_lane(const shapes_t *shapes, real ox, real oy, real oz, real dx, real dy,
                              real dz, real least, mesh_hit_t *found, int *object) {
   *object = -1;
   mesh_ray_t ray;
@@ -83,6 +90,22 @@ INLINE void mesh_hit_of_lane(const shapes_t *shapes, real ox, real oy, real oz, 
 #if HAS_INSTANCES
   closest_instance(shapes->world, shapes->instances, shapes->nodes, shapes->blocks, ox, oy, oz, dx,
                    dy, dz, least, found, object);
+#endif
+}
+
+/* mesh_hides_lane - whether any triangle lies before `most`, for one lane; see is_hidden. */
+SHARED int mesh_hides_lane(const shapes_t *shapes, real ox, real oy, real oz, real dx, real dy,
+                           real dz, real most) {
+#if HAS_TRIANGLES
+  mesh_ray_t ray;
+  mesh_ray(ox, oy, oz, dx, dy, dz, &ray);
+  if (any_hit(&ray, shapes->nodes, shapes->blocks, 0, most)) return 1;
+#endif
+#if HAS_INSTANCES
+  return any_instance(shapes->world, shapes->instances, shapes->nodes, shapes->blocks, ox, oy, oz,
+                      dx, dy, dz, most);
+#else
+  return 0;
 #endif
 }
 
@@ -136,7 +159,7 @@ INLINE void meet_meshes(const shapes_t *shapes, const pathv *ray, realv least, m
 #endif
 
 /* first_hit - what rays meet first beyond `least`; of two things in one place the earlier object. */
-INLINE void first_hit(const shapes_t *shapes, const pathv *ray, realv least, maskv active,
+SEARCHING void first_hit(const shapes_t *shapes, const pathv *ray, realv least, maskv active,
                       shape_hitv *hit) {
   hit->distance = (realv)INFINITY;
   hit->object = hit->triangle = (intv)(-1);
@@ -177,7 +200,7 @@ INLINE realv beyond(realv distance) {
  *
  * Flat shapes in one place are met one after the other, in the order of the objects.
  */
-INLINE void hit_behind(const shapes_t *shapes, const pathv *ray, realv passed, intv after,
+SHARED void hit_behind(const shapes_t *shapes, const pathv *ray, realv passed, intv after,
                        maskv active, shape_hitv *hit) {
   realv far = beyond(passed);
   first_hit(shapes, ray, far, active, hit);
@@ -224,19 +247,9 @@ INLINE maskv is_hidden(const shapes_t *shapes, const pathv *ray, realv most, mas
   if (!any_lane(at[6].all > 0)) return hidden;
   for (int i = 0; i < WIDTH; ++i) {
     if (!(at[6].lane[i] > 0)) continue;
-    int is_met = 0;
-    mesh_ray_t one;
-#if HAS_TRIANGLES
-    mesh_ray(at[0].lane[i], at[1].lane[i], at[2].lane[i], at[3].lane[i], at[4].lane[i],
-             at[5].lane[i], &one);
-    is_met = any_hit(&one, shapes->nodes, shapes->blocks, 0, at[6].lane[i]);
-#endif
-#if HAS_INSTANCES
-    if (!is_met)
-      is_met = any_instance(shapes->world, shapes->instances, shapes->nodes, shapes->blocks,
-                            at[0].lane[i], at[1].lane[i], at[2].lane[i], at[3].lane[i],
-                            at[4].lane[i], at[5].lane[i], at[6].lane[i]);
-#endif
+    const int is_met =
+        mesh_hides_lane(shapes, at[0].lane[i], at[1].lane[i], at[2].lane[i], at[3].lane[i],
+                        at[4].lane[i], at[5].lane[i], at[6].lane[i]);
     at[6].lane[i] = is_met ? -2 : at[6].lane[i];
   }
   hidden = hidden | (at[6].all == -2);

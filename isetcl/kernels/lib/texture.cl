@@ -2,6 +2,13 @@
  */
 #include "lib/lanes.cl"
 
+/* Pictures make the functions of textures long. */
+#if HAS_PICTURES
+#define TEXTURING SHARED
+#else
+#define TEXTURING INLINE
+#endif
+
 /* A bundle of paths that stays in the memory of a work-group belongs to one band. */
 #define ONE_BAND PATHS_ARE_LOCAL
 
@@ -140,7 +147,7 @@ INLINE realv between_texels(global const float *texels, const texelsv *at, int c
  *
  * slope_x, slope_y   of the light that leaves along u and v, in units of the outermost slopes
  */
-INLINE void light_field4(global const texture_t *texture, global const float *texels,
+SHARED void light_field4(global const texture_t *texture, global const float *texels,
                          global const real *spectra, int n_columns, int row, const bandv *band,
                          realv u, realv v, realv slope_x, realv slope_y, colourv *value) {
   const int columns = texture->width, rows = texture->height;
@@ -186,7 +193,7 @@ INLINE realv pattern_weight(global const texture_t *texture, realv u, realv v) {
 }
 
 /* grey_weight - the weight of a texture of one channel. */
-INLINE realv grey_weight(global const texture_t *texture, global const float *texels,
+TEXTURING realv grey_weight(global const texture_t *texture, global const float *texels,
                          const placev *place) {
 #if HAS_PICTURES
   if (texture->kind == TEXTURE_IMAGE) {
@@ -202,7 +209,7 @@ INLINE realv grey_weight(global const texture_t *texture, global const float *te
  *
  * number   of the texture, -1 for none
  */
-INLINE void textured4(global const texture_t *textures, int number, global const float *texels,
+TEXTURING void textured4(global const texture_t *textures, int number, global const float *texels,
                       global const real *spectra, int n_columns, int row, const bandv *band,
                       const placev *place, colourv *value) {
   spectrum4(spectra, n_columns, row, band, value);
