@@ -24,17 +24,17 @@ from isetcl.scene.gltf import load_gltf
 from isetcl.scene.light import DistantLight, Light
 from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import Scene
-from isetcl.scene.part import Part, assemble
-from isetcl.scene.surface import Paint, Placement, Surface, plain
-from isetcl.scene.texture import decode_srgb
-from isetcl.scene.vertex_colour import baked
-from isetcl.scene.wavefront import (
+from isetcl.scene.obj import (
     libraries,
     read_mtl,
     surface_of,
     used_materials,
     with_positive_indices,
 )
+from isetcl.scene.part import Part, assemble
+from isetcl.scene.surface import Paint, Placement, Surface, plain
+from isetcl.scene.texture import decode_srgb
+from isetcl.scene.vertex_colour import baked
 
 _TEXT_GROWTH = 12.0
 """How much memory reading a mesh takes, at most, times the size of its file."""
