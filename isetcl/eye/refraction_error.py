@@ -16,6 +16,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_choice
 from isetcl.eye import zernike
+from isetcl.eye.least_squares import least_squares
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.object_point import ObjectPoint
 from isetcl.eye.wavefront import Wavefront
@@ -87,8 +88,7 @@ def refraction(front: Wavefront, definition: RefractionDefinition = "minimum_rms
         basis = np.stack(
             [np.ones_like(x), x, y, (x * x + y * y) / 2, (x * x - y * y) / 2, x * y], axis=1
         )
-        root = np.sqrt(flux)
-        found = np.linalg.lstsq(root[:, None] * basis, root * values, rcond=None)[0]
+        found = least_squares(basis, values, flux)
         return Refraction(*(-float(v) for v in found[3:]))
     fit = front.zernike(_ORDER)
     if definition == "zernike":

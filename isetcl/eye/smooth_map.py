@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from isetcl.eye.least_squares import least_squares
+
 
 class SmoothMap:
     """A least-squares polynomial through samples of a vector function on a disc-like region.
@@ -33,9 +35,7 @@ class SmoothMap:
             )
         )
         s, t = self._scaled(at)
-        # By QR, which is many times faster here than the SVD of lstsq.
-        q, r = np.linalg.qr(self._products(s, t))
-        self._coefficients = np.linalg.solve(r, q.T @ values)
+        self._coefficients = least_squares(self._products(s, t), values)
 
     def __call__(self, at: np.ndarray) -> np.ndarray:
         """Values at points (m, 2), shape (m, k)."""

@@ -26,6 +26,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_finite, check_positive
 from isetcl.eye import zernike
+from isetcl.eye.least_squares import least_squares
 
 if TYPE_CHECKING:
     from isetcl.eye.diffraction_psf import DiffractionPsf
@@ -118,9 +119,13 @@ class Wavefront:
 
     @property
     def rms_um(self) -> float:
-        """Root mean square of W without piston and tilt, weighted by flux, um."""
-        values, x, y, flux = self._listed()
-        return float(np.sqrt(np.sum(flux * without_plane(values, x, y, flux) ** 2)))
+        """Root mean square of W, weighted by flux, without piston and tilt, um.
+
+        The tilt is the plane in q: it only moves the image. A Zernike fit has another, in mm of the
+        entrance pupil, which differs where the eye does not meet the sine condition.
+        """
+        values = _untilted(self)[self.inside]
+        return float(np.sqrt(np.sum(self.flux[self.inside] * values**2)))
 
     @property
     def rms_waves(self) -> float:
@@ -325,9 +330,7 @@ def without_plane(
 ) -> np.ndarray:
     """Values less their weighted least-squares plane."""
     basis = np.stack([np.ones_like(x), x, y], axis=1)
-    root = np.sqrt(weights)
-    plane = np.linalg.lstsq(root[:, None] * basis, root * values, rcond=None)[0]
-    return np.asarray(values - basis @ plane)
+    return np.asarray(values - basis @ least_squares(basis, values, weights))
 
 
 def _untilted(front: Wavefront) -> np.ndarray:

@@ -117,13 +117,13 @@ class _Pupil:
         start, radius = self.centre, self.radius
         direction = self.chief.direction[0]
         inside = np.linalg.norm(self.nodes, axis=1) <= self.source.eye.stop.radius_mm
-        x, y = self.rays.entrance_mm[inside].T
-        flux = np.full(len(x), 1.0 / len(x))
+        flux = np.full(np.count_nonzero(inside), 1.0 / np.count_nonzero(inside))
 
         def variance(shift: float) -> float:
             self.centre, self.radius = start + shift * direction, radius + shift
-            values = self.opd_and_q(self.rays)[0][inside]
-            return float(np.sum(flux * without_plane(values, x, y, flux) ** 2))
+            values, q = self.opd_and_q(self.rays)
+            left = without_plane(values[inside], q[inside, 0], q[inside, 1], flux)
+            return float(np.sum(flux * left**2))
 
         shift = float(minimize_scalar(variance, bracket=(-0.1, 0.1), tol=1e-10).x)
         self.centre, self.radius = start + shift * direction, radius + shift

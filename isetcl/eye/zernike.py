@@ -27,6 +27,7 @@ from isetcl.errors import (
     check_count,
     check_positive,
 )
+from isetcl.eye.least_squares import least_squares
 
 ZernikeOrder = Literal["osa", "noll"]
 
@@ -265,15 +266,10 @@ def fit(
             f"{2 * len(basis)} samples, got {len(values)}; use more samples or a lower order"
         )
     share = np.ones_like(values) if weights is None else check_array("weights", weights)
-    root = np.sqrt(share / share.sum())
-    found, _, rank, _ = np.linalg.lstsq((root * basis).T, root * values, rcond=1e-10)
-    if rank < len(basis):
-        raise InvalidInputError(
-            f"the samples do not determine a Zernike fit of order {order} (rank {rank} of "
-            f"{len(basis)}); use a lower order"
-        )
-    left = root * (values - found @ basis)
-    return ZernikeFit(found, radius_mm, wavelength_nm, float(np.sqrt(np.sum(left**2))))
+    share = share / share.sum()
+    found = least_squares(basis.T, values, share)
+    left = values - found @ basis
+    return ZernikeFit(found, radius_mm, wavelength_nm, float(np.sqrt(np.sum(share * left**2))))
 
 
 def from_sparse(
