@@ -197,9 +197,12 @@ def test_rays_are_the_normals_of_the_wavefront():
     inverse = np.linalg.pinv(front.mm_per_deg)
     seen = 60 * offset @ inverse
     size = np.ptp(seen, axis=0).max()
+    # Cells on the rim are sampled beside their middles, to which the gradient belongs.
+    whole = implied.weights > 0.9 * implied.weights.max()
+    assert np.mean(whole) > 0.85
     # The retina is curved, and rays are normals of W to first order only.
-    np.testing.assert_allclose(implied.x_arcmin, seen[:, 0], atol=0.01 * size)
-    np.testing.assert_allclose(implied.y_arcmin, seen[:, 1], atol=0.01 * size)
+    got = np.stack([implied.x_arcmin, implied.y_arcmin], axis=1)
+    np.testing.assert_allclose(got[whole], seen[whole], atol=0.01 * size)
     assert size > 10
 
 

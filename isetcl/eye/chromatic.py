@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
+from isetcl.errors import check_choice
 from isetcl.eye.focus import focus_vergence_dpt
 from isetcl.eye.model import Eye, FocusCriterion, check_eye_wavelengths
 from isetcl.eye.object_point import ObjectPoint
 from isetcl.eye.visual_angle import retinal_scale, visual_angle_deg
 from isetcl.spectrum import check_wavelengths
-from isetcl.units import ARCMIN_PER_DEG
+from isetcl.units import ARCMIN_PER_DEG, MM_PER_M
+
+Plane = Literal["cornea", "principal"]
 
 LCA_REFERENCE_NM = 589.3
 """Sodium D lines, nm: where chromatic difference of refraction is usually set to 0."""
@@ -23,6 +27,7 @@ def lca_dpt(
     wavelengths_nm: np.ndarray | Sequence[float],
     reference_nm: float = LCA_REFERENCE_NM,
     criterion: FocusCriterion = "paraxial",
+    plane: Plane = "cornea",
 ) -> np.ndarray:
     """Longitudinal chromatic aberration: refraction less that at the reference, dpt, (n,).
 
@@ -36,6 +41,9 @@ def lca_dpt(
         Where the result is 0, nm.
     criterion
         How focus is judged; see `Eye.focus_at`.
+    plane
+        Where the vergences are measured: ``"cornea"``, or ``"principal"``, the front principal
+        point of each wavelength, where refraction is n'/L' - P.
 
     Raises
     ------
@@ -44,8 +52,16 @@ def lca_dpt(
     """
     grid = check_wavelengths(wavelengths_nm)
     check_eye_wavelengths(eye, grid)
-    at_reference = focus_vergence_dpt(eye, reference_nm, criterion)
-    return at_reference - np.array([focus_vergence_dpt(eye, float(w), criterion) for w in grid])
+    check_choice("plane", plane, ("cornea", "principal"))
+
+    def vergence(wavelength_nm: float) -> float:
+        at_cornea = focus_vergence_dpt(eye, wavelength_nm, criterion)
+        if plane == "cornea":
+            return at_cornea
+        gap_m = eye.cardinal_points(wavelength_nm).principal_point_front_mm / MM_PER_M
+        return at_cornea / (1.0 + at_cornea * gap_m)
+
+    return vergence(reference_nm) - np.array([vergence(float(w)) for w in grid])
 
 
 def tca_arcmin(

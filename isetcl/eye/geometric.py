@@ -139,7 +139,9 @@ def spot_of_wavefront(front: Wavefront) -> Spot:
     used = front.inside
     x, y = np.meshgrid(front.x_cpd, front.y_cpd)
     q = np.stack([x[used], y[used]], axis=1)
-    waves = SmoothMap(q, front.opd_waves[used][:, None], _DEGREE)
+    # Cells on the rim are sampled beside their middles.
+    whole = front.amplitude[used] ** 2 > front.flux[used] * (1.0 - 1e-6)
+    waves = SmoothMap(q[whole], front.opd_waves[used][whole][:, None], _DEGREE)
     seen = waves.gradient(q)[:, 0, :] * ARCMIN_PER_DEG
     return Spot(
         seen[:, 0],

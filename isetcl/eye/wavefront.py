@@ -60,7 +60,7 @@ class Wavefront:
         Pupil coordinates q, cycles/degree; y descends.
     entrance_mm : ndarray, (n, n, 2)
         Where the ray of a sample crosses the entrance pupil, mm from the chief ray, in the plane at
-        right angles to it; NaN outside.
+        right angles to it; NaN outside. A cell on the rim is sampled a little farther in.
     area_mm2 : ndarray, (n, n)
         The part of the entrance pupil that a sample stands for, mm^2.
     entrance_radius_mm
