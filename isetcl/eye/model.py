@@ -26,6 +26,7 @@ from isetcl.eye.media import AIR, Medium
 if TYPE_CHECKING:
     from isetcl.eye.field import FieldMap
     from isetcl.eye.paraxial import CardinalPoints, Pupil
+    from isetcl.eye.wavefront import Reference, Wavefront
 
 FocusCriterion = Literal["rms_spot", "paraxial"]
 PupilPlane = Literal["stop", "entrance"]
@@ -424,6 +425,59 @@ class Eye:
         from isetcl.eye import field
 
         return field.field_map(self, check_positive("wavelength_nm", wavelength_nm, "nm"))
+
+    def wavefront(
+        self,
+        field_deg: tuple[float, float] | float = (0.0, 0.0),
+        wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
+        *,
+        object_distance_m: float = math.inf,
+        samples: int | None = None,
+        reference: Reference = "chief",
+        stiles_crawford: float | None = None,
+        scale_wavelength_nm: float | None = None,
+    ) -> Wavefront:
+        """The wavefront that an object point makes in the eye, in float64; see `Wavefront`.
+
+        Parameters
+        ----------
+        field_deg
+            Field angles (x, y) of the point, degrees; a single number is (0, y).
+        wavelength_nm
+            Wavelength, nm.
+        object_distance_m
+            Distance of the object plane in front of the corneal vertex, m; infinity is legal.
+        samples
+            Samples across the pupil, 16 to 1024; None takes 64, or what the aberrations need (up to
+            512).
+        reference
+            Centre of the reference sphere: ``"chief"`` (where the chief ray meets the retina) or
+            ``"best_focus"`` (the point of the chief ray where the RMS is least; the image is then
+            the one in the plane there).
+        stiles_crawford
+            rho in 1/mm^2 of an apodisation of the intensity by 10^(-rho r^2); None is even light.
+        scale_wavelength_nm
+            Wavelength of the chief rays that turn retinal positions into visual angles, nm; None is
+            `wavelength_nm`.
+
+        Raises
+        ------
+        InvalidInputError
+            If no chief ray enters from there, most of the stop is vignetted, the wavelength lies
+            outside the range of a medium, or an argument breaks its rule.
+        """
+        from isetcl.eye import wavefront_trace
+
+        return wavefront_trace.wavefront(
+            self,
+            field_deg,
+            wavelength_nm,
+            object_distance_m=object_distance_m,
+            samples=samples,
+            reference=reference,
+            stiles_crawford=stiles_crawford,
+            scale_wavelength_nm=scale_wavelength_nm,
+        )
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""
