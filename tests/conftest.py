@@ -27,6 +27,15 @@ def precision(request):
 
 
 @pytest.fixture
+def few_lanes(monkeypatch):
+    """Fewer paths side by side: kernels are built in two thirds of the time."""
+    import importlib
+
+    config = importlib.import_module("isetcl.render.kernel_config")
+    monkeypatch.setattr(config, "PATH_LANES", {"single": 4, "double": 4})
+
+
+@pytest.fixture
 def shared_kernels(monkeypatch, request):
     """Paths are followed by kernels that know more than a scene needs, so that scenes share them.
 
@@ -38,9 +47,7 @@ def shared_kernels(monkeypatch, request):
 
     if request.node.get_closest_marker("own_kernels"):
         return
-    config = importlib.import_module("isetcl.render.kernel_config")
-    monkeypatch.setattr(config, "PATH_LANES", {"single": 4, "double": 4})
-
+    request.getfixturevalue("few_lanes")
     plan = importlib.import_module("isetcl.render.plan")
     decide = plan.decide_features
     always = (

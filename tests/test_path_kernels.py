@@ -8,6 +8,7 @@ import isetcl as ic
 from isetcl.render import plan as plan_module
 
 # Kernels with everything compiled in take long to build; in double precision, a second time.
+FEW = pytest.mark.usefixtures("few_lanes")
 BOTH = pytest.mark.parametrize(
     "precision", ["single", pytest.param("double", marks=pytest.mark.slow)]
 )
@@ -73,6 +74,7 @@ def film_of(is_fused, precision="single", samples=16):
 
 
 @BOTH
+@FEW
 def test_stages_give_the_image_of_the_one_kernel(precision):
     fused, staged = film_of(True, precision), film_of(False, precision)
     off = np.abs(staged - fused)[0] / fused[0].mean()
@@ -83,6 +85,7 @@ def test_stages_give_the_image_of_the_one_kernel(precision):
 
 
 @pytest.mark.slow
+@FEW
 def test_single_and_double_agree_but_for_paths_at_edges():
     single, double = film_of(True, "single", 64), film_of(True, "double", 64)
     off = np.abs(single - double)[0] / double[0].mean()
@@ -91,6 +94,8 @@ def test_single_and_double_agree_but_for_paths_at_edges():
 
 
 @pytest.mark.parametrize("is_fused", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@FEW
 def test_any_tiles_give_the_same_bits(is_fused, monkeypatch):
     monkeypatch.setattr(plan_module, "_decide_fused", lambda device, notes: is_fused)
     where = {"fov_deg": 24.0, "resolution": (50, 30), "spp": 10, "max_bounces": 4, "seed": 3}
@@ -108,6 +113,7 @@ def test_any_tiles_give_the_same_bits(is_fused, monkeypatch):
         np.testing.assert_array_equal(image, images[0])
 
 
+@FEW
 def test_samples_of_the_stages_agree_with_their_mean():
     """The mean film is what the launches add up to, whatever their number."""
     changes = EVERYTHING | {"is_fused": False}
@@ -142,6 +148,7 @@ def scaled_scene(size):
 
 @pytest.mark.parametrize("size", [1e-3, 1e3, 1e9])
 @BOTH
+@FEW
 def test_scenes_look_alike_whatever_their_size(size, precision):
     """As seen from the middle: far from the cornea all that counts are angles."""
     eye = ic.eyes.navarro(0.05)
@@ -156,6 +163,7 @@ def test_scenes_look_alike_whatever_their_size(size, precision):
 
 
 @BOTH
+@FEW
 def test_tiny_scenes_have_finite_pixels(precision):
     """Shapes of a micrometre right before the cornea."""
     pipeline, tile = pipeline_of(
@@ -214,6 +222,7 @@ HARD = {
 
 @pytest.mark.parametrize("name", HARD)
 @BOTH
+@FEW
 def test_no_scene_makes_pixels_that_are_no_numbers(name, precision):
     lights = (
         ic.PointLight((0, 0, -1), UNIT),

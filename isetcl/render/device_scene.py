@@ -45,8 +45,10 @@ class DeviceScene:
         none = np.zeros(16, dtype=real)
         corners = packed.triangles.reshape(-1, 9).astype(real)
         self._corners = self._upload(corners if len(corners) else none)
-        self._normals = self._upload(none if packed.normals is None else packed.normals)
-        self._uvs = self._upload(none if packed.uvs is None else packed.uvs)
+        self._normals = self._upload(
+            _table(packed.normals, len(corners), 9 * plan.config.has_normals, real)
+        )
+        self._uvs = self._upload(_table(packed.uvs, len(corners), 6 * plan.config.has_uv, real))
         self._owner = self._upload(packed.triangle_object)
         self._texels = self._upload(packed.texels)
         self._spectra = self._upload(packed.spectra)
@@ -85,3 +87,8 @@ class DeviceScene:
         """What the stage that shades reads: shapes without hierarchies, and looks."""
         shapes = (self._records[name] for name in ("world", "flats", "balls"))
         return (*shapes, self._instances, *self.looks())
+
+
+def _table(values: np.ndarray | None, triangles: int, width: int, real: np.dtype) -> np.ndarray:
+    """Numbers of all triangles; zeros where there are none but a kernel may read them."""
+    return np.zeros(max(16, triangles * width), dtype=real) if values is None else values

@@ -38,6 +38,8 @@ class SceneTrees:
         for first, last in ranges:
             places.append((nodes_at, blocks_at))
             if last == first:
+                nodes.append(_empty_node(precision))
+                nodes_at += 1
                 continue
             own_nodes, own_blocks, own_depth = build_tree(packed.triangles[first:last], precision)
             nodes.append(own_nodes)
@@ -49,7 +51,9 @@ class SceneTrees:
         self.records["world"]["instances_at"] = nodes_at
         self.records["world"]["meshes_low"], self.records["world"]["meshes_high"] = _bounds(packed)
         self.instances = np.zeros(1, dtype=INSTANCE.dtype(precision))
-        if packed.instances:
+        if not packed.instances:
+            nodes.append(_empty_node(precision))
+        else:
             upper, self.instances, own_depth = _upper_tree(packed, places[1:], precision)
             nodes.append(upper)
             depth = max(depth, own_depth)
@@ -57,7 +61,6 @@ class SceneTrees:
                 self.records["objects"][self.instances[place]["object"]]["instance"] = place
         self.stack_size = stack_size(depth)
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        nodes = nodes or [np.zeros(1, node_dtype(precision))]
         blocks = blocks or [np.zeros(1, block_dtype(precision))]
         self.nodes = cl.Buffer(device.context, flags, hostbuf=_joined(nodes))
         self.blocks = cl.Buffer(device.context, flags, hostbuf=_joined(blocks))
@@ -74,6 +77,13 @@ def _bounds(packed: PackedScene) -> np.ndarray:
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     slack = 4e-7 * np.maximum(np.abs(low), np.abs(high))
     return np.array([low - slack, high + slack])
+
+
+def _empty_node(precision: Precision) -> np.ndarray:
+    """A root that no ray enters: what rays are asked about must exist."""
+    node = np.zeros(1, dtype=node_dtype(precision))
+    node["bounds"][:, 0::2], node["bounds"][:, 1::2] = np.inf, -np.inf
+    return node
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
