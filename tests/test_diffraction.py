@@ -58,6 +58,9 @@ def test_the_perfect_mtf_is_the_overlap_of_two_discs(airy_front):
     u = np.minimum(f / cut_off, 1.0)
     expected = 2 / math.pi * (np.arccos(u) - u * np.sqrt(1 - u * u))
     transfer = airy_front.otf()
+    n = airy_front.samples
+    assert transfer.values[n, n] == 1.0
+    assert (transfer.x_cpd[n], transfer.y_cpd[n]) == (0.0, 0.0)
     for orientation in (0.0, 37.0, 90.0, None):
         np.testing.assert_allclose(transfer.mtf(f, orientation), expected, atol=1e-3)
     # Facts 2.10, 3 mm.

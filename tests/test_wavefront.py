@@ -10,8 +10,9 @@ from oracles import mp_trace, reduced_eye
 
 import isetcl as ic
 from isetcl.eye import geometric
+from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import conic_sag
-from isetcl.eye.object_point import ObjectPoint
+from isetcl.eye.object_point import ObjectPoint, pupil_axes
 from isetcl.eye.prescription import elements
 from isetcl.eye.refraction_error import Refraction, oblique_foci
 
@@ -239,6 +240,31 @@ def test_flux_is_that_of_an_even_beam():
     density = front.flux[used] / front.area_mm2[used]
     np.testing.assert_allclose(density, density[0], rtol=1e-12)
     assert front.entrance_radius_mm == pytest.approx(2.0, rel=1e-12)
+
+
+def test_a_near_point_lights_the_rim_less():
+    # Flux per area of the plane through the pupil of a point at d: cos^3 = (1 + (p/d)^2)^-1.5.
+    front = reduced_eye(7.0).wavefront(object_distance_m=0.02, samples=32)
+    used = front.inside
+    squared = np.sum(front.entrance_mm[used] ** 2, axis=1)
+    density = front.flux[used] / front.area_mm2[used] * (1 + squared / 400.0) ** 1.5
+    np.testing.assert_allclose(density, density[0], rtol=1e-9)
+
+
+def test_degrees_on_the_retina_are_true_angles():
+    # A direction turned by a small angle to its right or up moves the chief ray's point by M.
+    eye = ic.eyes.navarro(3.0)
+    field = (22.0, -35.0)
+    front = eye.wavefront(field, samples=16)
+    chief_map = eye.field_map(550.0)
+    towards = direction_from_field(*np.array(field))
+    start = chief_map.retinal_point_mm(*np.array(field))
+    for axis, expected in zip(pupil_axes(field), front.mm_per_deg, strict=True):
+        turned = towards + math.radians(1e-3) * axis
+        angle = math.degrees(math.atan2(math.hypot(turned[0], turned[1]), -turned[2]))
+        x, y = angle * turned[:2] / math.hypot(turned[0], turned[1])
+        moved = chief_map.retinal_point_mm(np.array(x), np.array(y)) - start
+        np.testing.assert_allclose(1e3 * moved, expected, atol=2e-5)
 
 
 def test_stiles_crawford_is_a_law_of_intensity():

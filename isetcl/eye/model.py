@@ -16,6 +16,7 @@ import numpy as np
 
 from isetcl.errors import (
     InvalidInputError,
+    check_choice,
     check_finite,
     check_number,
     check_positive,
@@ -24,6 +25,8 @@ from isetcl.errors import (
 from isetcl.eye.media import AIR, Medium
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
     from isetcl.eye.field import FieldMap
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
@@ -478,6 +481,22 @@ class Eye:
             stiles_crawford=stiles_crawford,
             scale_wavelength_nm=scale_wavelength_nm,
         )
+
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the section of the eye with rays from infinity; returns the axes.
+
+        Parameters
+        ----------
+        ax
+            Matplotlib axes; None makes a new figure.
+        options
+            `fields_deg`, `wavelength_nm` and `rays` of `isetcl.eye.drawing.draw_eye`.
+        """
+        from isetcl.eye import drawing
+
+        for name in options:
+            check_choice("option of plot", name, ("fields_deg", "wavelength_nm", "rays"))
+        return drawing.draw_eye(self, ax, **options)
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""

@@ -101,10 +101,10 @@ class ObjectPoint:
         """The eye at this wavelength as elements."""
         sequence = elements(self.eye, self.wavelength_nm)
         self._stop = self.eye.stop_index
-        self._sequence = tuple(_opened(e) if e.kind is ElementKind.STOP else e for e in sequence)
+        self.sequence = tuple(_opened(e) if e.kind is ElementKind.STOP else e for e in sequence)
         self._front = tuple(
             dataclasses.replace(e, semi_diameter_mm=math.inf)
-            for e in self._sequence[: self._stop + 1]
+            for e in self.sequence[: self._stop + 1]
         )
         self.index_before, self.index_after = sequence[0].n_before, sequence[-1].n_after
 
@@ -122,14 +122,14 @@ class ObjectPoint:
 
     def trace(self, entrance_mm: np.ndarray) -> PupilRays:
         """Rays through points (n, 2) of the entrance pupil, mm, onto the retina."""
-        return self._trace(entrance_mm, *self._launch(entrance_mm))
+        return self._trace(entrance_mm, *self.launch(entrance_mm))
 
     def turned(self, entrance_mm: np.ndarray, angle_rad: np.ndarray) -> PupilRays:
         """Rays through a point (1, 2) of the entrance pupil, turned by small angles (n, 2), rad.
 
         As from an object farther to the right and up by these angles.
         """
-        origins, directions = self._launch(np.broadcast_to(entrance_mm, angle_rad.shape))
+        origins, directions = self.launch(np.broadcast_to(entrance_mm, angle_rad.shape))
         directions = directions - angle_rad @ self.axes
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return self._trace(np.broadcast_to(entrance_mm, angle_rad.shape), origins, directions)
@@ -147,7 +147,7 @@ class ObjectPoint:
     def _trace(
         self, entrance_mm: np.ndarray, origins: np.ndarray, directions: np.ndarray
     ) -> PupilRays:
-        rays = trace_elements(self._sequence, origins, directions, "retina", record_hits=True)
+        rays = trace_elements(self.sequence, origins, directions, "retina", record_hits=True)
         assert rays.opl_mm is not None
         assert rays.hits_mm is not None
         squared = np.sum(entrance_mm**2, axis=1)
@@ -208,14 +208,15 @@ class ObjectPoint:
             )
         return rays
 
-    def _launch(self, entrance_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def launch(self, entrance_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Points in the eye frame, mm, and unit directions of rays through the entrance pupil."""
         offset = entrance_mm @ self.axes
         directions = self.per_mm * offset - self.towards
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return offset + np.array([0.0, 0.0, self.entrance_z_mm]), directions
 
     def _at_stop(self, entrance_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        rays = trace_elements(self._front, *self._launch(entrance_mm), "retina")
+        rays = trace_elements(self._front, *self.launch(entrance_mm), "retina")
         return rays.positions_mm[:, :2], rays.passed
 
 
