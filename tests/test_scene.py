@@ -53,6 +53,11 @@ def test_a_sphere_is_seen_from_outside_and_from_inside():
     assert hits(sphere, (0, 0, 0), (0, 0, 1)).distance_m == math.inf
     north = hits(sphere, (0, 0, 0), (0, 0.2, -1))
     assert north.v > 0.5
+    # Texture coordinates run from pole to pole: v is latitude over 180 degrees.
+    assert hits(sphere, (0, 5, -2), (0, -1, 0)).v == pytest.approx(1.0)
+    assert hits(sphere, (0, -5, -2), (0, 1, 0)).v == pytest.approx(0.0)
+    oblique = hits(sphere, (0, 5, 3), (0, -1 / math.sqrt(2), -1 / math.sqrt(2)))
+    assert oblique.v == pytest.approx(0.75)
 
 
 @pytest.mark.parametrize(
