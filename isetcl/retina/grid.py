@@ -21,7 +21,9 @@ from isetcl.errors import (
     check_type,
 )
 from isetcl.eye.field import FieldMap, direction_from_field
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.plane_polynomial import Rectangle
 from isetcl.eye.polynomial import fit, unit_nodes
 
 MAX_PIXELS_PER_SIDE = 32768
@@ -99,7 +101,7 @@ class RetinalGrid:
         return cls(eye, size, (columns, rows), check_pair("centre_deg", centre_deg, "deg"))
 
     @property
-    def field_map(self) -> FieldMap:
+    def field_map(self) -> FieldMap | FieldPlane:
         """The chief-ray map that labels the pixels."""
         return self.eye.field_map(self.wavelength_nm)
 
@@ -140,6 +142,11 @@ class RetinalGrid:
         y = np.array([self.top_deg, self.top_deg - self.fov_deg[1]])
         return float(np.max(np.hypot(x[:, None], y[None, :])))
 
+    @property
+    def rectangle(self) -> Rectangle:
+        """The field angles of the image."""
+        return Rectangle(self.centre_deg, (self.fov_deg[0] / 2.0, self.fov_deg[1] / 2.0))
+
     def directions(self) -> np.ndarray:
         """Unit vectors towards the scene of the pixel centres, shape (rows, columns, 3)."""
         return direction_from_field(self.x_deg[None, :], self.y_deg[:, None])
@@ -149,13 +156,13 @@ class RetinalGrid:
 
         Polar about the retinal vertex, in the eye frame: the point that sees up lies at y < 0.
         """
-        x, y = np.meshgrid(self.x_deg, self.y_deg)
-        field = np.hypot(x, y)
-        scale = -self.field_map.arc_mm(field) / np.where(field > 0, field, 1.0)
-        return x * scale, y * scale
+        at = self.field_map.coordinates_mm(*np.meshgrid(self.x_deg, self.y_deg))
+        return at[..., 0], at[..., 1]
 
     def polynomials(self) -> tuple[np.ndarray, np.ndarray]:
         """The retina as the kernels see it, in g = field vector / `limit_deg` and s = g . g.
+
+        Of an eye that is a figure of revolution.
 
         Returns
         -------
