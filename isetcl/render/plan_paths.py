@@ -119,9 +119,8 @@ def path_images(scene: Scene, grid: RetinalGrid, notes: list[Decision]) -> dict[
             continue
         nearest = _nearest_m(item, grid)
         for image in images:
-            footprint = texels_across(
-                item.shape, image, nearest, math.radians(min(grid.pitch_deg))
-            ) * max(1e-6, min(abs(r) for r in image.repeats))
+            pixel_rad = math.radians(min(grid.pitch_deg))
+            footprint = texels_across(item.shape, image, nearest, pixel_rad)
             if not math.isfinite(footprint):
                 footprint = 1.0
             times = max(0, math.floor(math.log2(max(footprint, 1.0) / TEXELS_PER_FOOTPRINT)))
@@ -250,9 +249,7 @@ def _texture_counts(scene: Scene) -> dict[str, tuple[str, int]]:
     cutouts = sum(
         not (isinstance(i.opacity, (int, float)) and i.opacity == 1.0) for i in scene.objects
     )
-    additive = sum(
-        isinstance(i.material, Emission) and i.material.is_additive for i in scene.objects
-    )
+    additive = sum(_is_additive(item) for item in scene.objects)
     return {
         "has_pictures": ("images", sum(isinstance(texture, Image) for texture in textures)),
         "has_levels": (
