@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_positive, check_type
+from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
@@ -56,7 +56,8 @@ class Eye:
     name
         Name of the model.
     surfaces
-        Refracting surfaces in the order light meets them, corneal front first (vertex at z = 0).
+        Refracting surfaces in the order light meets them. The front of the cornea has its vertex at
+        z = 0; lenses in front of it, as spectacles, come before it.
     stop
         The iris. It acts before the first surface whose vertex is at or behind its plane.
     retina
@@ -65,6 +66,9 @@ class Eye:
         The medium in front of the first surface, air by default.
     accommodation_model, accommodation_parameter
         The family this eye belongs to and its place in it; None for an eye that cannot accommodate.
+    fovea_deg
+        Field angles (x, y) of the direction that the fovea sees, degrees from the optical axis. In
+        human eyes about 5 degrees nasally: to the left (x < 0) for a right eye.
 
     Raises
     ------
@@ -79,15 +83,18 @@ class Eye:
     medium_before: Medium = AIR
     accommodation_model: AccommodationModel | None = None
     accommodation_parameter: float | None = None
+    fovea_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         self._check_types()
         if not self.surfaces:
             raise InvalidInputError(f"eye {self.name!r} needs at least one refracting surface")
-        if self.surfaces[0].vertex_z_mm != 0.0:
+        z = [surface.vertex_z_mm for surface in self.surfaces]
+        if z[0] > 0.0 or 0.0 not in z:
             raise InvalidInputError(
-                f"eye {self.name!r}: the first surface must have vertex_z_mm = 0 (the origin of "
-                f"the eye frame), got {self.surfaces[0].vertex_z_mm:g}"
+                f"eye {self.name!r}: the front of the cornea must have vertex_z_mm = 0 (the origin "
+                f"of the eye frame), with nothing but lenses in front of it, got {z[0]:g} mm for "
+                f"the first surface, {self.surfaces[0].name!r}"
             )
         self._check_order()
 
@@ -102,6 +109,9 @@ class Eye:
         check_type(f"{label}: stop", self.stop, Stop)
         check_type(f"{label}: retina", self.retina, Retina)
         check_type(f"{label}: medium_before", self.medium_before, Medium)
+        object.__setattr__(
+            self, "fovea_deg", check_pair(f"{label}: fovea_deg", self.fovea_deg, "deg")
+        )
         if self.accommodation_model is not None and not hasattr(self.accommodation_model, "eye"):
             raise InvalidInputError(
                 f"{label}: accommodation_model must have `eye` and `parameter_range`, got "
@@ -113,7 +123,7 @@ class Eye:
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
         for front, back in zip(self.surfaces, self.surfaces[1:], strict=False):
             rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), 65)
-            gap = _smallest_gap_mm(front, back, rho)
+            gap = smallest_gap_mm(front, back, rho)
             if np.min(gap) < 0:
                 at = rho[np.argmax(gap < 0)]
                 raise InvalidInputError(
@@ -381,7 +391,7 @@ def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
 _GAP_AZIMUTHS = 24
 
 
-def _smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
+def smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
     """Distance along z from one surface to the next at distances from the axis, mm, (n,).
 
     The smallest over all azimuths; places where one of them does not reach count as open.

@@ -39,7 +39,7 @@ from isetcl.render.plan_paths import (
     path_images,
 )
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
@@ -140,7 +140,7 @@ def plan(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
