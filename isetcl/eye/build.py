@@ -9,7 +9,7 @@ import numpy as np
 
 from isetcl.errors import check_choice, check_positive
 from isetcl.eye import paraxial
-from isetcl.eye.media import Medium
+from isetcl.eye.media import AbbeDispersion, ConstantIndex, Medium
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, PupilPlane, Stop, Surface, conic_sag
 
 CORNEA_SEMI_DIAMETERS_MM = (7.0, 6.0)
@@ -71,6 +71,16 @@ class PupilSpec:
             magnification = paraxial.entrance_pupil(eye, REFERENCE_WAVELENGTH_NM).magnification
             diameter = self.diameter_mm / magnification
         return dataclasses.replace(eye, stop=Stop(eye.stop.z_mm, diameter))
+
+
+def medium(name: str, index: float, abbe_number: float | None = None) -> Medium:
+    """A medium of which one index is published; achromatic unless it is given an Abbe number.
+
+    With an Abbe number the index is that at 587.56 nm; see `AbbeDispersion`.
+    """
+    if abbe_number is None:
+        return Medium(name, ConstantIndex(index))
+    return Medium(name, AbbeDispersion(index, abbe_number))
 
 
 def lens_surfaces(
