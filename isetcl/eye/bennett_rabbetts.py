@@ -9,15 +9,10 @@ import numpy as np
 from isetcl.errors import check_between
 from isetcl.eye.accommodation import accommodated
 from isetcl.eye.build import CORNEA_SEMI_DIAMETERS_MM, Face, PupilSpec, lens_surfaces, medium
-from isetcl.eye.model import (
-    REFERENCE_WAVELENGTH_NM,
-    Eye,
-    FocusCriterion,
-    PupilPlane,
-    Retina,
-    Stop,
-    Surface,
-)
+from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface
 
 STATES = np.array(
     [

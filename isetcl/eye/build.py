@@ -65,13 +65,18 @@ class PupilSpec:
         check_choice("pupil_plane", self.plane, ("stop", "entrance"))
 
     def apply(self, eye: Eye) -> Eye:
-        """The eye with its stop set so that this pupil has its diameter in its plane."""
+        """The eye with its stop set so that this pupil has its diameter in its plane.
+
+        An elliptical stop keeps its proportions.
+        """
         if self.plane == "stop":
             diameter = self.diameter_mm
         else:
             magnification = paraxial.entrance_pupil(eye, REFERENCE_WAVELENGTH_NM).magnification
             diameter = self.diameter_mm / magnification
-        return dataclasses.replace(eye, stop=Stop(eye.stop.z_mm, diameter))
+        minor = None if eye.stop.minor_diameter_mm is None else diameter * eye.stop.aspect
+        stop = dataclasses.replace(eye.stop, diameter_mm=diameter, minor_diameter_mm=minor)
+        return dataclasses.replace(eye, stop=stop)
 
 
 def medium(name: str, index: float, abbe_number: float | None = None) -> Medium:

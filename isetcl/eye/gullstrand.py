@@ -19,7 +19,10 @@ from isetcl.eye.build import (
     medium,
 )
 from isetcl.eye.media import Medium
-from isetcl.eye.model import Eye, PupilPlane, Retina, Stop, Surface
+from isetcl.eye.model import Eye, PupilPlane
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface
 
 GullstrandState = Literal["relaxed", "accommodated"]
 STATES = ("relaxed", "accommodated")

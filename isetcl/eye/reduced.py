@@ -13,7 +13,10 @@ from isetcl.eye.build import (
     medium,
 )
 from isetcl.eye.media import CornuDispersion, Medium
-from isetcl.eye.model import Eye, PupilPlane, Retina, Stop, Surface
+from isetcl.eye.model import Eye, PupilPlane
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface
 
 CHROMATIC_MEDIUM = Medium("ocular medium", CornuDispersion(1.320535, 4.685, 214.102))
 """n = 1.320535 + 4.685 / (l - 214.102), l in nm (Thibos et al. 1992, Appl Opt 31:3594)."""
