@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, trapezoid
 
 import isetcl as ic
 from isetcl.eye import glare
+from isetcl.eye.field import direction_from_field
 from isetcl.eye.scatter import ScatterModel, hankel, radial_kernel
 
 MODELS = [ScatterModel(20.0, 0.5, "vos_van_den_berg"), ScatterModel(70.0, 1.0, "cie_general")]
@@ -18,7 +19,7 @@ def over_half_space(psf, low_deg=1e-7, high_deg=90.0):
     log_angle = np.linspace(math.log(low_deg), math.log(high_deg), 200_001)
     angle = np.exp(log_angle)
     ring = 2.0 * np.pi * np.sin(np.radians(angle)) * np.radians(angle)
-    return float(np.trapezoid(psf(angle) * ring, log_angle))
+    return float(trapezoid(psf(angle) * ring, log_angle))
 
 
 def test_the_cie_functions_have_their_published_values():
@@ -197,3 +198,86 @@ def test_kernels_are_integrals_over_squares():
 def test_glare_out_of_range_is_refused(make, match):
     with pytest.raises(ic.InvalidInputError, match=match):
         make()
+
+
+LIGHT = ic.Spectrum.constant(1.0)
+
+
+def lamp(x_deg, y_deg, radius_deg, eye):
+    """A scene with one round lamp at 1 m that faces the entrance pupil."""
+    towards = direction_from_field(np.array(x_deg), np.array(y_deg))
+    centre = towards + np.array([0.0, 0.0, eye.entrance_pupil().z_mm / 1000.0])
+    disc = ic.Disc(tuple(centre), math.tan(math.radians(radius_deg)), tuple(-towards))
+    return ic.Scene(name="lamp", objects=(ic.SceneObject("lamp", disc, ic.Emission(LIGHT)),))
+
+
+def veil_of_lamp(image, source_deg, radius_deg, model):
+    """Radiance of the veil at every pixel: the glare function averaged over the lamp's disc."""
+    x, y = np.meshgrid(image.dataset["x"].values, image.dataset["y"].values)
+    rings = np.sqrt((np.arange(8) + 0.5) / 8.0) * radius_deg
+    turns = np.arange(12) * np.pi / 6.0
+    dx = (rings[:, None] * np.cos(turns)).ravel()
+    dy = (rings[:, None] * np.sin(turns)).ravel()
+    sources = direction_from_field(source_deg[0] + dx, source_deg[1] + dy)
+    cosine = np.clip(direction_from_field(x, y) @ sources.T, -1.0, 1.0)
+    solid = 2.0 * np.pi * (1.0 - math.cos(math.radians(radius_deg)))
+    return model.psf_per_sr(np.degrees(np.arccos(cosine))).mean(axis=-1) * solid
+
+
+@pytest.mark.parametrize(
+    ("source", "radius", "centre", "fov", "beside", "tolerance"),
+    [
+        ((0.0, 0.0), 0.1, (0.0, 0.0), 2.0, 0.3, 0.01),
+        ((0.0, 0.0), 0.1, (5.0, 0.0), 2.0, 0.0, 0.005),
+        ((6.0, 0.0), 0.3, (0.0, 0.0), 1.0, 0.0, 0.01),
+        ((20.0, 20.0), 0.5, (0.0, 0.0), 2.0, 0.0, 0.005),
+        ((50.0, 0.0), 1.0, (0.0, 0.0), 2.0, 0.0, 0.005),
+    ],
+)
+def test_a_lamp_is_veiled_by_the_glare_function(source, radius, centre, fov, beside, tolerance):
+    # Far from the lamp there is nothing but scatter: glare x radiance x solid angle, seen by the
+    # same throughput as a uniform field.
+    eye, model = ic.eyes.navarro(3.0, 1.0), ScatterModel(70.0)
+    options = {"fov_deg": fov, "resolution": 48, "centre_deg": centre, "wavelengths_nm": [550.0]}
+    image = ic.psf_baseline.render(lamp(*source, radius, eye), eye, scatter=model, **options)
+    even = ic.Scene(name="even", objects=(), background=LIGHT)
+    throughput = ic.psf_baseline.render(even, eye, **options).irradiance.values[0]
+    expected = veil_of_lamp(image, source, radius, model)
+    x, y = np.meshgrid(image.dataset["x"].values, image.dataset["y"].values)
+    clear = np.hypot(x - source[0], y - source[1]) > beside
+    ratio = image.irradiance.values[0] / throughput / expected
+    assert np.max(np.abs(ratio[clear] - 1.0)) < tolerance
+
+
+@pytest.mark.parametrize("method", ["layered_sum", "layered_over"])
+def test_scatter_moves_light_but_makes_none(method):
+    eye, model = ic.eyes.navarro(3.0, 1.0), ScatterModel(50.0, 1.0, "vos_van_den_berg")
+    options = {"method": method, "fov_deg": 4.0, "resolution": 80, "wavelengths_nm": [550.0]}
+    scene = lamp(0.0, 0.0, 0.1, eye)
+    clear = ic.psf_baseline.render(scene, eye, **options)
+    veiled = ic.psf_baseline.render(scene, eye, scatter=model, **options)
+    x, y = np.meshgrid(clear.dataset["x"].values, clear.dataset["y"].values)
+    whole = clear.irradiance.values.sum()
+    circle = np.hypot(x, y) < 1.9
+    # What stays in the core, and what the veil keeps within the circle.
+    expected = 1.0 - model.fraction + float(model.fraction_within(1.9))
+    assert veiled.irradiance.values[0][circle].sum() / whole == pytest.approx(expected, abs=2e-3)
+    assert veiled.provenance["scatter"]["fraction"] == pytest.approx(model.fraction)
+    assert clear.provenance["scatter"] is None
+
+
+def test_scatter_changes_nothing_in_an_even_field():
+    scene = ic.Scene(name="even", objects=(), background=LIGHT)
+    eye = ic.eyes.navarro(4.0)
+    options = {"fov_deg": 6.0, "resolution": 12, "wavelengths_nm": [550.0]}
+    clear = ic.psf_baseline.render(scene, eye, **options)
+    veiled = ic.psf_baseline.render(scene, eye, scatter=ScatterModel(80.0), **options)
+    ratio = veiled.irradiance.values / clear.irradiance.values
+    # A little light is missing: beyond 90 deg from the axis there is none.
+    assert np.max(np.abs(ratio - 1.0)) < 2e-3
+
+
+def test_what_is_no_scatter_model_is_refused():
+    scene = ic.Scene(name="even", objects=(), background=LIGHT)
+    with pytest.raises(ic.InvalidInputError, match="scatter must be a ScatterModel"):
+        ic.psf_baseline.render(scene, ic.eyes.navarro(), scatter=0.1)
