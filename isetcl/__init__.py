@@ -27,7 +27,9 @@ from isetcl.eye.media import (
     SellmeierDispersion,
 )
 from isetcl.eye.model import Eye, Retina, Stop, Surface
+from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.rays import RayBundle, RayStatus
+from isetcl.eye.scatter import ScatterModel
 
 # The function `render` takes the place of the package of the same name as an attribute of isetcl;
 # `from isetcl.render.plan import ...` goes on working.
@@ -96,6 +98,7 @@ __all__ = [
     "Mirror",
     "Mix",
     "NavarroDispersion",
+    "OcularMedia",
     "OutOfMemoryError",
     "PinholeView",
     "Plan",
@@ -106,6 +109,7 @@ __all__ = [
     "Retina",
     "RetinalGrid",
     "RetinalImage",
+    "ScatterModel",
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
@@ -128,6 +132,7 @@ __all__ = [
     "load_mesh_scene",
     "load_scene",
     "load_spd",
+    "ocular_transmittance",
     "pinhole",
     "plan",
     "psf_baseline",

@@ -51,7 +51,7 @@ def test_the_total_glare_function_has_its_values_and_integrals():
 
 
 def test_the_functions_agree_where_they_all_apply():
-    # 3 to 10 deg is where glare was measured; Vos 2003 calls them equal to a quarter.
+    # They describe the same measurements: within a quarter of each other, Stiles-Holladay a half.
     angle = np.linspace(3.0, 10.0, 8)
     general = glare.cie_general(angle, 30.0, 0.5)
     assert glare.vos_van_den_berg(angle, 30.0, 0.5) == pytest.approx(general, rel=0.25)

@@ -73,8 +73,7 @@ def vos_van_den_berg(
     InvalidInputError
         If an angle, the age or the pigmentation lies outside the function's range.
 
-    Source: CIE 135/1:1999, Vos & van den Berg; the divisor as in Mantiuk et al. 2011 (HDR-VDP-2),
-    ACM Trans Graph 30:40.
+    Source: Vos & van den Berg, CIE 135/1:1999; the divisor as the program HDR-VDP applies it.
     """
     t = _angles(angle_deg, 0.0, 100.0)
     aged = (check_age(age_years) / 70.0) ** 4

@@ -17,6 +17,7 @@ import numpy as np
 from isetcl.errors import InvalidInputError, check_choice, check_count, check_type
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
+from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import irradiance_per_radiance
 from isetcl.memory import check_memory
@@ -64,6 +65,7 @@ def render(
     wavelengths_nm: np.ndarray | None = None,
     oversampling: int = 2,
     scatter: ScatterModel | None = None,
+    media: OcularMedia | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> RetinalImage:
     """The retinal image of a scene approximated by PSF convolution, in absolute units.
@@ -86,6 +88,8 @@ def render(
     scatter
         Light that is scattered inside the eye: its share is taken from the image and spread as a
         veil, from sources outside the image too. None leaves it out.
+    media
+        Ocular media whose transmittance multiplies the spectrum; None is clear media.
     progress
         Called with the fraction done after every wavelength.
 
@@ -118,6 +122,7 @@ def render(
     )
     check_eye_wavelengths(eye, wavelengths)
     _check_square(grid)
+    transmittance = transmittance_or_one(media, wavelengths)
     scene = _filtered(scene, grid, oversampling)
     basis = spectral_basis(scene, wavelengths)
     edges, psfs, margin = _layers_and_psfs(scene, grid, layers, wavelengths, oversampling)
@@ -135,11 +140,11 @@ def render(
             if spectra is not None:
                 blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken])
                 channels = chosen.combine(blur, len(taken))
-            if scatter is not None:
+            if scatter is not None and spread is not None:
                 channels = (1.0 - scatter.fraction) * channels + spread
             radiance = np.tensordot(basis.spectra[:, i].astype(np.float32), channels, axes=1)
             on_retina = _onto_retina(radiance, view, float(wavelength))
-            irradiance[i] = on_retina * _throughput(grid, float(wavelength))
+            irradiance[i] = on_retina * _throughput(grid, float(wavelength)) * transmittance[i]
             if progress is not None:
                 progress((i + 1) / len(wavelengths))
     details = {
@@ -150,6 +155,7 @@ def render(
         "scene_digest": scene.digest(),
         "layers_dpt": [layer.vergence_dpt for layer in taken],
         "oversampling": oversampling,
+        "media": None if media is None else media.describe(),
         "scatter": None if scatter is None else scatter.describe(),
         "psf_energy_outside": max(
             (p.energy_outside for row in psfs for p in row.values()), default=0.0
