@@ -98,6 +98,9 @@ class Eye:
                 f"the first surface, {self.surfaces[0].name!r}"
             )
         self._check_order()
+        from isetcl.eye.gradient_check import check_gradients
+
+        check_gradients(self, REFERENCE_WAVELENGTH_NM)
 
     def _check_types(self) -> None:
         """Refuse parts that are no parts of an eye."""
@@ -189,7 +192,7 @@ class Eye:
 
     def wavelength_range_nm(self) -> tuple[float, float]:
         """The wavelengths at which every medium is defined, nm."""
-        ranges = [m.dispersion.range_nm for m in self.media()]
+        ranges = [m.range_nm for m in self.media()]
         return max(r[0] for r in ranges), min(r[1] for r in ranges)
 
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:

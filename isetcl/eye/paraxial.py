@@ -2,6 +2,7 @@
 
 Rays are (y, n u): height in mm and index times slope. A surface of power (n' - n) c takes n u to
 n u - y (n' - n) c; a gap t takes y to y + t n u / n (Smith & Atchison 1997, appendix 1).
+A gradient takes (y, n u) along by the paraxial equation (n0 y')' = 2 n1 y, n = n0(z) + n1(z) r^2.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError
 from isetcl.eye.model import Eye
+from isetcl.eye.prescription import placed_gradients
 from isetcl.units import MM_PER_M
 
 
@@ -79,12 +81,18 @@ def system_matrix(
     surfaces = eye.surfaces
     last = len(surfaces) if last is None else last
     matrix = np.eye(2)
+    gradients = placed_gradients(eye, wavelength_nm)
     for i in range(first, last):
+        n_before, inside = index[i], gradients[i]
+        if i > 0 and inside is not None:
+            gap = surfaces[i].vertex_z_mm - surfaces[i - 1].vertex_z_mm
+            n_before = inside.profile.axial(np.array([gap]))[0][0]
         if i > first:
             gap = surfaces[i].vertex_z_mm - surfaces[i - 1].vertex_z_mm
-            matrix = _transfer(gap / index[i]) @ matrix
+            along = _transfer(gap / index[i]) if inside is None else inside.ray_matrix(0.0, gap)
+            matrix = along @ matrix
         bend_x, _, bend_y = surfaces[i].vertex_curvatures()
-        power = (index[i + 1] - index[i]) * (bend_x + bend_y) / 2.0
+        power = (index[i + 1] - n_before) * (bend_x + bend_y) / 2.0
         matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
     return matrix
 
