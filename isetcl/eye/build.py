@@ -9,9 +9,8 @@ import numpy as np
 
 from isetcl.errors import check_choice, check_positive
 from isetcl.eye import paraxial
-from isetcl.eye.media import Medium
+from isetcl.eye.media import AbbeDispersion, ConstantIndex, Medium
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, PupilPlane
-from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface, conic_sag
 
 CORNEA_SEMI_DIAMETERS_MM = (7.0, 6.0)
@@ -66,13 +65,28 @@ class PupilSpec:
         check_choice("pupil_plane", self.plane, ("stop", "entrance"))
 
     def apply(self, eye: Eye) -> Eye:
-        """The eye with its stop set so that this pupil has its diameter in its plane."""
+        """The eye with its stop set so that this pupil has its diameter in its plane.
+
+        An elliptical stop keeps its proportions.
+        """
         if self.plane == "stop":
             diameter = self.diameter_mm
         else:
             magnification = paraxial.entrance_pupil(eye, REFERENCE_WAVELENGTH_NM).magnification
             diameter = self.diameter_mm / magnification
-        return dataclasses.replace(eye, stop=Stop(eye.stop.z_mm, diameter))
+        minor = None if eye.stop.minor_diameter_mm is None else diameter * eye.stop.aspect
+        stop = dataclasses.replace(eye.stop, diameter_mm=diameter, minor_diameter_mm=minor)
+        return dataclasses.replace(eye, stop=stop)
+
+
+def medium(name: str, index: float, abbe_number: float | None = None) -> Medium:
+    """A medium of which one index is published; achromatic unless it is given an Abbe number.
+
+    With an Abbe number the index is that at 587.56 nm; see `AbbeDispersion`.
+    """
+    if abbe_number is None:
+        return Medium(name, ConstantIndex(index))
+    return Medium(name, AbbeDispersion(index, abbe_number))
 
 
 def lens_surfaces(

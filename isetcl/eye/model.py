@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_positive, check_type
+from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
@@ -23,6 +23,7 @@ from isetcl.eye.surface import Surface
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from isetcl.eye.changes import ChamberStart, ShiftHold
     from isetcl.eye.field import FieldMap
     from isetcl.eye.field_plane import FieldPlane
     from isetcl.eye.paraxial import CardinalPoints, Pupil
@@ -57,7 +58,8 @@ class Eye:
     name
         Name of the model.
     surfaces
-        Refracting surfaces in the order light meets them, corneal front first (vertex at z = 0).
+        Refracting surfaces in the order light meets them. The front of the cornea has its vertex at
+        z = 0; lenses in front of it, as spectacles, come before it.
     stop
         The iris. It acts before the first surface whose vertex is at or behind its plane.
     retina
@@ -66,6 +68,9 @@ class Eye:
         The medium in front of the first surface, air by default.
     accommodation_model, accommodation_parameter
         The family this eye belongs to and its place in it; None for an eye that cannot accommodate.
+    fovea_deg
+        Field angles (x, y) of the direction that the fovea sees, degrees from the optical axis. In
+        human eyes about 5 degrees nasally: to the left (x < 0) for a right eye.
 
     Raises
     ------
@@ -80,17 +85,23 @@ class Eye:
     medium_before: Medium = AIR
     accommodation_model: AccommodationModel | None = None
     accommodation_parameter: float | None = None
+    fovea_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         self._check_types()
         if not self.surfaces:
             raise InvalidInputError(f"eye {self.name!r} needs at least one refracting surface")
-        if self.surfaces[0].vertex_z_mm != 0.0:
+        z = [surface.vertex_z_mm for surface in self.surfaces]
+        if z[0] > 0.0 or 0.0 not in z:
             raise InvalidInputError(
-                f"eye {self.name!r}: the first surface must have vertex_z_mm = 0 (the origin of "
-                f"the eye frame), got {self.surfaces[0].vertex_z_mm:g}"
+                f"eye {self.name!r}: the front of the cornea must have vertex_z_mm = 0 (the origin "
+                f"of the eye frame), with nothing but lenses in front of it, got {z[0]:g} mm for "
+                f"the first surface, {self.surfaces[0].name!r}"
             )
         self._check_order()
+        from isetcl.eye.gradient_check import check_gradients
+
+        check_gradients(self, REFERENCE_WAVELENGTH_NM)
 
     def _check_types(self) -> None:
         """Refuse parts that are no parts of an eye."""
@@ -103,6 +114,9 @@ class Eye:
         check_type(f"{label}: stop", self.stop, Stop)
         check_type(f"{label}: retina", self.retina, Retina)
         check_type(f"{label}: medium_before", self.medium_before, Medium)
+        object.__setattr__(
+            self, "fovea_deg", check_pair(f"{label}: fovea_deg", self.fovea_deg, "deg")
+        )
         if self.accommodation_model is not None and not hasattr(self.accommodation_model, "eye"):
             raise InvalidInputError(
                 f"{label}: accommodation_model must have `eye` and `parameter_range`, got "
@@ -114,7 +128,7 @@ class Eye:
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
         for front, back in zip(self.surfaces, self.surfaces[1:], strict=False):
             rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), 65)
-            gap = _smallest_gap_mm(front, back, rho)
+            gap = smallest_gap_mm(front, back, rho)
             if np.min(gap) < 0:
                 at = rho[np.argmax(gap < 0)]
                 raise InvalidInputError(
@@ -179,7 +193,7 @@ class Eye:
 
     def wavelength_range_nm(self) -> tuple[float, float]:
         """The wavelengths at which every medium is defined, nm."""
-        ranges = [m.dispersion.range_nm for m in self.media()]
+        ranges = [m.range_nm for m in self.media()]
         return max(r[0] for r in ranges), min(r[1] for r in ranges)
 
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:
@@ -280,6 +294,125 @@ class Eye:
         from isetcl.eye import focus
 
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
+
+    def with_pupil(self, diameter_mm: float, plane: PupilPlane = "stop") -> Eye:
+        """The eye with another pupil, in every state of accommodation.
+
+        Parameters
+        ----------
+        diameter_mm
+            Diameter, mm; of an elliptical stop the longer one.
+        plane
+            ``"stop"`` (the iris) or ``"entrance"`` (what a clinician measures; paraxial at 550 nm).
+        """
+        from isetcl.eye import changes
+
+        return changes.with_pupil(self, diameter_mm, plane)
+
+    def with_axial_length(self, axial_length_mm: float) -> Eye:
+        """The eye with its retina moved so that it is this long, mm.
+
+        An eye that accommodates can still do so: the whole family becomes longer by the same
+        length. The shape of the retina stays.
+
+        Raises
+        ------
+        InvalidInputError
+            If the retina would lie inside the lens.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_axial_length(self, axial_length_mm)
+
+    def with_anterior_chamber_depth(
+        self,
+        depth_mm: float,
+        *,
+        measured_from: ChamberStart = "epithelium",
+        hold: ShiftHold = "axial_length",
+    ) -> Eye:
+        """The eye with its lens, and the stop before it, moved to this depth, mm.
+
+        In an eye that accommodates the lens is moved by the same length in every state.
+
+        Parameters
+        ----------
+        depth_mm
+            From the cornea to the vertex of the lens, in the present state of accommodation.
+        measured_from
+            ``"epithelium"`` (front of the cornea) or ``"endothelium"`` (its back).
+        hold
+            What stays: ``"axial_length"`` or ``"vitreous_depth"`` (the retina moves too).
+
+        Raises
+        ------
+        InvalidInputError
+            If the lens would touch the cornea or the retina, or the cornea has one surface and the
+            depth is to be measured from its back.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_anterior_chamber_depth(
+            self, depth_mm, measured_from=measured_from, hold=hold
+        )
+
+    def with_cornea(
+        self,
+        *,
+        front_radius_mm: float | None = None,
+        back_radius_mm: float | None = None,
+        front_conic: float | None = None,
+        back_conic: float | None = None,
+    ) -> Eye:
+        """The eye with other radii, mm, or conic constants of its cornea; None leaves a number.
+
+        A surface that would end inside its semi-diameter gets a smaller one.
+
+        Raises
+        ------
+        InvalidInputError
+            If a radius is 0, the cornea has no back surface or is no conic of revolution, or its
+            surfaces cross.
+        """
+        from isetcl.eye import changes
+
+        change = changes.CorneaChange(front_radius_mm, back_radius_mm, front_conic, back_conic)
+        return changes.with_cornea(self, change)
+
+    def with_spectacle_refraction(
+        self,
+        refraction_dpt: float,
+        *,
+        vertex_distance_mm: float = 12.0,
+        wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
+    ) -> Eye:
+        """The eye made longer or shorter so that a thin spectacle lens of this power corrects it.
+
+        The retina is moved to where the far point of that lens is imaged by the relaxed eye, by
+        paraxial rays. Real rays of a wide pupil focus somewhat nearer.
+
+        Parameters
+        ----------
+        refraction_dpt
+            Power of the lens, dpt; negative for myopia.
+        vertex_distance_mm
+            From the lens to the cornea, mm; 0 is the refraction at the cornea.
+        wavelength_nm
+            Wavelength in focus, nm.
+
+        Raises
+        ------
+        InvalidInputError
+            If no length of the eye gives that refraction.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_spectacle_refraction(
+            self,
+            refraction_dpt,
+            vertex_distance_mm=vertex_distance_mm,
+            wavelength_nm=wavelength_nm,
+        )
 
     def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap | FieldPlane:
         """The chief-ray map between field angle and retinal position at a wavelength in nm.
@@ -393,7 +526,7 @@ def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
 _GAP_AZIMUTHS = 24
 
 
-def _smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
+def smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
     """Distance along z from one surface to the next at distances from the axis, mm, (n,).
 
     The smallest over all azimuths; places where one of them does not reach count as open.

@@ -3,8 +3,9 @@
 The object's distance enters as its vergence, so that infinity is no special case. Rays are named by
 where they cross the entrance pupil: the plane through the point where the chief ray meets the axis,
 at right angles to the chief ray. (In an eye that is no figure of revolution it is the point where
-the chief ray passes nearest to the middle of the paraxial entrance pupil.) Its axes x and y are the right and the up of the eye that looks
-along the chief ray; on axis they are the axes of the eye frame.
+the chief ray passes nearest to the middle of the paraxial entrance pupil.) Its axes x and y are the
+right and the up of the eye that looks along the chief ray; on axis they are the axes of the eye
+frame.
 """
 
 from __future__ import annotations
@@ -176,8 +177,8 @@ class ObjectPoint:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Points of the entrance pupil whose rays meet the stop's plane at `stop_mm`, (n, 2), mm.
 
-        Newton's method with differences, from the paraxial pupil or a better guess. The second result marks where it succeeded; it fails where
-        no ray from the object gets there.
+        Newton's method with differences, from the paraxial pupil or a better guess. The second
+        result marks where it succeeded; it fails where no ray from the object gets there.
         """
         pupil = self.eye.entrance_pupil(self.wavelength_nm)
         foreshortened = max(math.cos(math.radians(self.angle_deg)), 0.2)

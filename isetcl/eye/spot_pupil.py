@@ -1,4 +1,4 @@
-"""The image of an axial point through the whole pupil, for eyes that are no figures of revolution."""
+"""The image of an axial point through the whole pupil of an eye that is no figure of revolution."""
 
 from __future__ import annotations
 

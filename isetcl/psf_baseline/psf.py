@@ -70,8 +70,8 @@ def geometric_psf(
     """The PSF of an eye from its own rays, without diffraction.
 
     On the axis of an eye that is a figure of revolution a meridional fan is traced and turned about
-    the axis; otherwise the whole pupil is filled. Every ray carries the flux of its share of solid angle. The kernel is as large as the
-    rays need.
+    the axis; otherwise the whole pupil is filled. Every ray carries the flux of its share of solid
+    angle. The kernel is as large as the rays need.
 
     Parameters
     ----------
@@ -158,8 +158,8 @@ def _launch(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rays from one object point through points (n, 2) of the entrance pupil's plane, mm.
 
-    The points count from the pupil's centre (3,), mm, in the eye frame. The object's distance enters as its vergence, so that infinity is no special case. Rays start
-    outside the cornea.
+    The points count from the pupil's centre (3,), mm, in the eye frame. The object's distance
+    enters as its vergence, so that infinity is no special case. Rays start outside the cornea.
     """
     towards = direction_from_field(*np.array(field_deg))
     through = centre + np.concatenate([pupil_mm, np.zeros((len(pupil_mm), 1))], axis=1)
