@@ -15,6 +15,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.prescription import placed_gradients
 from isetcl.eye.refraction_error import Refraction
 from isetcl.units import MM_PER_M
 
@@ -56,14 +57,20 @@ def astigmatic_matrix(eye: Eye, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) 
         If the wavelength lies outside the range of a medium.
     """
     index = eye.indices(wavelength_nm)
+    gradients = placed_gradients(eye, wavelength_nm)
     matrix = np.eye(4)
     for i, surface in enumerate(eye.surfaces):
+        n_before, inside = index[i], gradients[i]
         if i > 0:
             gap = surface.vertex_z_mm - eye.surfaces[i - 1].vertex_z_mm
-            matrix = _transfer(gap / index[i]) @ matrix
+            along = _transfer(gap / index[i])
+            if inside is not None:
+                n_before = inside.profile.axial(np.array([gap]))[0][0]
+                along = np.kron(inside.ray_matrix(0.0, gap), np.eye(2))
+            matrix = along @ matrix
         xx, xy, yy = surface.vertex_curvatures()
         bend = np.eye(4)
-        bend[2:, :2] = -(index[i + 1] - index[i]) * np.array([[xx, xy], [xy, yy]])
+        bend[2:, :2] = -(index[i + 1] - n_before) * np.array([[xx, xy], [xy, yy]])
         matrix = bend @ matrix
     return matrix
 
@@ -103,8 +110,8 @@ def principal_meridians(
 def paraxial_refraction(eye: Eye, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> Refraction:
     """The thin lens at the corneal vertex that makes an eye see infinity sharp, paraxially.
 
-    Of the vergences L that the eye images on its retina, B L = -A with (A, B) the upper half of the
-    matrix to the retina.
+    Light of the vergences L that leave it is imaged on the retina: B L = -A with (A, B) the upper
+    half of the matrix from there to the retina.
 
     Raises
     ------
@@ -113,12 +120,14 @@ def paraxial_refraction(eye: Eye, wavelength_nm: float = REFERENCE_WAVELENGTH_NM
     """
     index = eye.indices(wavelength_nm)
     gap = eye.retina.vertex_z_mm - eye.surfaces[-1].vertex_z_mm
+    start = eye.surfaces[0].vertex_z_mm
     matrix = _transfer(gap / index[-1]) @ astigmatic_matrix(eye, wavelength_nm)
+    matrix = matrix @ _transfer(start / index[0])
     try:
-        vergence = -np.linalg.solve(matrix[:2, 2:], matrix[:2, :2]) * MM_PER_M
+        lens = -np.linalg.solve(matrix[:2, 2:], matrix[:2, :2]) * MM_PER_M
     except np.linalg.LinAlgError:
         raise InvalidInputError(f"eye {eye.name!r} sees no point of its retina") from None
-    (xx, xy), (yx, yy) = vergence.tolist()
+    (xx, xy), (yx, yy) = lens.tolist()
     return Refraction((xx + yy) / 2.0, (xx - yy) / 2.0, (xy + yx) / 2.0)
 
 

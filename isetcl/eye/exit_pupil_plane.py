@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from isetcl.errors import InvalidInputError
-from isetcl.eye.exit_pupil import MARGIN, StopOutline
+from isetcl.eye.exit_pupil import MARGIN, ExitPupilBound, StopOutline, exit_pupil_bound
+from isetcl.eye.field import FieldMap
 from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye
 from isetcl.eye.plane_polynomial import PlanePolynomial, Rectangle, fit
@@ -107,6 +109,27 @@ def _check_ellipses(eye: Eye, ellipse: PlanePolynomial) -> None:
 
 def _matrix(ellipse: np.ndarray) -> np.ndarray:
     return ellipse[:, 2:].reshape(-1, 2, 2)
+
+
+def pupil_bounds(
+    eye: Eye,
+    wavelengths_nm: Sequence[float],
+    grid_map: FieldMap | FieldPlane,
+    rectangle: Rectangle,
+    field_limit_deg: float,
+) -> tuple[ExitPupilBound | PlanePupilBound, ...]:
+    """The bounds of the bands of an image, as the eye needs them.
+
+    Parameters
+    ----------
+    wavelengths_nm
+        Wavelengths of the bands.
+    rectangle, field_limit_deg
+        Field angles of the image, and the largest of them.
+    """
+    if isinstance(grid_map, FieldPlane):
+        return tuple(plane_pupil_bound(eye, w, grid_map, rectangle) for w in wavelengths_nm)
+    return tuple(exit_pupil_bound(eye, w, grid_map, field_limit_deg) for w in wavelengths_nm)
 
 
 class PlaneOutline(StopOutline):

@@ -63,6 +63,10 @@ class FieldMap:
         """Local scale of the map: retinal arc length per degree of field angle, mm/deg."""
         return self._arc_mm(self._inside(field_deg), 1)
 
+    def axial_scale_mm_per_deg(self) -> float:
+        """`mm_per_deg` on the axis."""
+        return float(self.mm_per_deg(0.0))
+
     def field_deg(self, arc_mm: np.ndarray | float) -> np.ndarray:
         """Field angle in degrees of the chief ray to a retinal point given by its arc length.
 

@@ -163,6 +163,11 @@ class FieldPlane:
         point = self.base_point_mm(field + steps)
         return np.asarray((point[::2] - point[1::2]) / (2.0 * h))
 
+    def axial_scale_mm_per_deg(self) -> float:
+        """Retinal length of a degree of field angle about the axis, mm/deg, the mean of x and y."""
+        slopes = self.slopes_mm_per_deg((0.0, 0.0))
+        return float(np.mean(np.linalg.norm(slopes, axis=1)))
+
     def _over_field(
         self,
         function: Callable[[np.ndarray], np.ndarray],

@@ -171,6 +171,12 @@ class Eye:
             and self.retina.is_rotational
         )
 
+    def asymmetries(self) -> list[str]:
+        """What keeps the eye from being a figure of revolution, by name."""
+        names = [surface.name for surface in self.surfaces if not surface.is_rotational]
+        names += ["stop"] * (not self.stop.is_rotational)
+        return names + ["retina"] * (not self.retina.is_rotational)
+
     @property
     def axial_length_mm(self) -> float:
         """Corneal vertex to retinal vertex, mm."""

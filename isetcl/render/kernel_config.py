@@ -31,6 +31,8 @@ class KernelConfig:
         Some refracting surface is not a sphere.
     has_aspheric_retina
         The retina is not a sphere, so its normal has to be normalised.
+    has_asymmetry
+        The eye is no figure of revolution: retina and pupils are functions of two field angles.
     has_far_side
         Some ray may cross a surface beyond its equator.
     has_semi_diameters
@@ -48,6 +50,7 @@ class KernelConfig:
     n_basis: int = 1
     has_conics: bool = True
     has_aspheric_retina: bool = True
+    has_asymmetry: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     has_patches: bool = True
@@ -65,6 +68,7 @@ class KernelConfig:
             "N_BASIS": self.n_basis,
             "HAS_CONICS": int(self.has_conics),
             "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+            "HAS_ASYMMETRY": int(self.has_asymmetry),
             "HAS_FAR_SIDE": int(self.has_far_side),
             "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
             "HAS_PATCHES": int(self.has_patches),
@@ -122,7 +126,7 @@ class PathConfig:
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
     starts_given
         Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
-    has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
+    has_conics, has_aspheric_retina, has_asymmetry, has_far_side, has_semi_diameters
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
         Shapes in the scene; triangles in place, and those of instanced meshes.
@@ -153,6 +157,7 @@ class PathConfig:
     starts_given: bool = False
     has_conics: bool = True
     has_aspheric_retina: bool = True
+    has_asymmetry: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     has_flats: bool = True
@@ -190,6 +195,7 @@ class PathConfig:
         return device.defines(self.precision, width) | {
             "HAS_CONICS": int(self.has_conics),
             "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+            "HAS_ASYMMETRY": int(self.has_asymmetry),
             "HAS_FAR_SIDE": int(self.has_far_side),
             "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
         }

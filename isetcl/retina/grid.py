@@ -25,8 +25,10 @@ from isetcl.errors import (
 from isetcl.eye.field import FieldMap, direction_from_field
 from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
-from isetcl.eye.plane_polynomial import Rectangle
+from isetcl.eye.plane_polynomial import PlanePolynomial, Rectangle
+from isetcl.eye.plane_polynomial import fit as plane_fit
 from isetcl.eye.polynomial import fit, unit_nodes
+from isetcl.eye.retina_form import retinal_normal, without_relief
 
 MAX_PIXELS_PER_SIDE = 32768
 
@@ -173,6 +175,20 @@ class RetinalGrid:
         """
         at = self.field_map.coordinates_mm(*np.meshgrid(self.x_deg, self.y_deg))
         return at[..., 0], at[..., 1]
+
+    def plane_polynomial(self) -> PlanePolynomial:
+        """The retina of an eye that is no figure of revolution, as the kernels see it.
+
+        Six polynomials of the field angles: the point (x, y, z), mm, of the retina without relief,
+        and its unit normal, away from the lens.
+        """
+        labels = self.field_map
+        assert isinstance(labels, FieldPlane)
+        retina = without_relief(self.eye.retina)
+        at = self.rectangle.nodes()
+        point = labels.base_point_mm(at)
+        values = np.concatenate([point, retinal_normal(retina, point)], axis=1)
+        return plane_fit(self.rectangle, at, values, _FIT_TOLERANCE_MM)
 
     def polynomials(self) -> tuple[np.ndarray, np.ndarray]:
         """The retina as the kernels see it, in g = field vector / `limit_deg` and s = g . g.
