@@ -18,6 +18,7 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
+from isetcl.eye.files.load import load_eye
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -25,6 +26,7 @@ from isetcl.eye.media import (
     Medium,
     NavarroDispersion,
     SellmeierDispersion,
+    TabulatedDispersion,
 )
 from isetcl.eye.model import Eye
 from isetcl.eye.placement import Placement
@@ -128,6 +130,7 @@ __all__ = [
     "SpotLight",
     "Stop",
     "Surface",
+    "TabulatedDispersion",
     "Toric",
     "TwoSided",
     "UnlitReflectance",
@@ -138,6 +141,7 @@ __all__ = [
     "eyes",
     "glass",
     "load_cube",
+    "load_eye",
     "load_image",
     "load_mesh",
     "load_mesh_scene",

@@ -136,7 +136,17 @@ class AlteredModel:
     changes: tuple[EyeChange, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "changes", tuple(self.changes))
+        changes = tuple(self.changes)
+        object.__setattr__(self, "changes", changes)
+        if not hasattr(self.base, "parameter_range"):
+            raise InvalidInputError(
+                f"altered model: base must be a family of eyes, got {type(self.base).__name__}"
+            )
+        for change in changes:
+            if not hasattr(change, "apply"):
+                raise InvalidInputError(
+                    f"altered model: changes must have `apply`, got {type(change).__name__}"
+                )
 
     @property
     def parameter_range(self) -> tuple[float, float]:

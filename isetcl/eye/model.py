@@ -21,6 +21,8 @@ from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
     from isetcl.eye.changes import ChamberStart, ShiftHold
@@ -477,15 +479,44 @@ class Eye:
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""
-        description = dataclasses.asdict(
-            dataclasses.replace(self, accommodation_model=None, accommodation_parameter=None)
-        )
+        from isetcl.eye.files.values import to_values
+
+        alone = dataclasses.replace(self, accommodation_model=None)
+        description: dict[str, Any] = to_values(alone, "eye", strict=False)
         del description["accommodation_model"]
-        description["accommodation_parameter"] = self.accommodation_parameter
-        for surface, described in zip(self.surfaces, description["surfaces"], strict=True):
-            kind = type(surface.medium_after.dispersion).__name__
-            described["medium_after"]["dispersion"]["kind"] = kind
         return description
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """The eye as JSON text, with every digit; `from_json` makes the same eye of it.
+
+        Parameters
+        ----------
+        path
+            A file to write too; None writes none.
+
+        Raises
+        ------
+        InvalidInputError
+            If the eye holds a medium, shape or accommodation model of the user's own making.
+        FileError
+            If the file cannot be written.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_to_json(self, path)
+
+    @staticmethod
+    def from_json(source: str | Path) -> Eye:
+        """The eye of a file that `to_json` wrote, or of its text (which begins with a brace).
+
+        Raises
+        ------
+        FileError
+            If the file is missing or breaks the format; the message names the place in it.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_from_json(source)
 
 
 def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
