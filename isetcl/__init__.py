@@ -18,6 +18,9 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
+from isetcl.eye.artificial_pupil import ArtificialPupil
+from isetcl.eye.contact_lens import ContactLens
+from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -37,6 +40,7 @@ from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
@@ -78,12 +82,14 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
+    "ArtificialPupil",
     "Biconic",
     "Checkerboard",
     "Coated",
     "ComplexIndex",
     "Conductor",
     "ConstantIndex",
+    "ContactLens",
     "CornuDispersion",
     "DeviceError",
     "Dielectric",
@@ -101,6 +107,7 @@ __all__ = [
     "HeightMap",
     "Image",
     "Instance",
+    "IntraocularLens",
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
@@ -126,6 +133,7 @@ __all__ = [
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
+    "SpectacleLens",
     "SpectralCube",
     "Spectrum",
     "Sphere",

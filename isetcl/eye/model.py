@@ -23,7 +23,7 @@ from isetcl.eye.surface import Surface
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from isetcl.eye.changes import ChamberStart, ShiftHold
+    from isetcl.eye.changes import ChamberStart, EyeChange, ShiftHold
     from isetcl.eye.field import FieldMap
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
@@ -288,7 +288,34 @@ class Eye:
 
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
 
-    def with_pupil(self, diameter_mm: float, plane: PupilPlane = "stop") -> Eye:
+    def changed(self, change: EyeChange) -> Eye:
+        """The eye with a change, in every state of accommodation.
+
+        Parameters
+        ----------
+        change
+            A lens in front of the eye or in it (`SpectacleLens`, `ContactLens`, `IntraocularLens`),
+            an `ArtificialPupil`, or anything else with a method `apply` from one eye to another.
+        """
+        from isetcl.eye import changes
+
+        return changes.altered(self, change)
+
+    def with_fovea(self, fovea_deg: tuple[float, float]) -> Eye:
+        """The eye with its fovea where the field angles (x, y) are seen, degrees."""
+        from isetcl.eye import changes
+
+        return changes.altered(self, changes.FoveaChange(fovea_deg))
+
+    def with_pupil(
+        self,
+        diameter_mm: float,
+        plane: PupilPlane = "stop",
+        *,
+        decentre_mm: tuple[float, float] | None = None,
+        aspect: float | None = None,
+        axis_deg: float | None = None,
+    ) -> Eye:
         """The eye with another pupil, in every state of accommodation.
 
         Parameters
@@ -297,10 +324,17 @@ class Eye:
             Diameter, mm; of an elliptical stop the longer one.
         plane
             ``"stop"`` (the iris) or ``"entrance"`` (what a clinician measures; paraxial at 550 nm).
+        decentre_mm
+            Middle of the stop (x, y), mm; None leaves it.
+        aspect
+            Shorter diameter over the longer one, 1 for a circle; None leaves it.
+        axis_deg
+            Direction of the longer diameter, degrees from +x towards +y; None leaves it.
         """
-        from isetcl.eye import changes
+        from isetcl.eye import build, changes
 
-        return changes.with_pupil(self, diameter_mm, plane)
+        pupil = build.PupilSpec(diameter_mm, plane, decentre_mm, aspect, axis_deg)
+        return changes.altered(self, pupil)
 
     def with_axial_length(self, axial_length_mm: float) -> Eye:
         """The eye with its retina moved so that it is this long, mm.
