@@ -18,7 +18,10 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
+from isetcl.eye.artificial_pupil import ArtificialPupil
+from isetcl.eye.contact_lens import ContactLens
 from isetcl.eye.files.load import load_eye
+from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -29,14 +32,17 @@ from isetcl.eye.media import (
     TabulatedDispersion,
 )
 from isetcl.eye.model import Eye
+from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.placement import Placement
 from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
@@ -78,12 +84,14 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
+    "ArtificialPupil",
     "Biconic",
     "Checkerboard",
     "Coated",
     "ComplexIndex",
     "Conductor",
     "ConstantIndex",
+    "ContactLens",
     "CornuDispersion",
     "DeviceError",
     "Dielectric",
@@ -101,6 +109,7 @@ __all__ = [
     "HeightMap",
     "Image",
     "Instance",
+    "IntraocularLens",
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
@@ -110,6 +119,7 @@ __all__ = [
     "Mirror",
     "Mix",
     "NavarroDispersion",
+    "OcularMedia",
     "OutOfMemoryError",
     "PinholeView",
     "Placement",
@@ -121,9 +131,11 @@ __all__ = [
     "Retina",
     "RetinalGrid",
     "RetinalImage",
+    "ScatterModel",
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
+    "SpectacleLens",
     "SpectralCube",
     "Spectrum",
     "Sphere",
@@ -147,6 +159,7 @@ __all__ = [
     "load_mesh_scene",
     "load_scene",
     "load_spd",
+    "ocular_transmittance",
     "pinhole",
     "plan",
     "psf_baseline",

@@ -323,7 +323,7 @@ class TabulatedDispersion:
 
 @dataclass(frozen=True)
 class Medium:
-    """A homogeneous ocular medium: a name and a dispersion."""
+    """An ocular medium: a name and a dispersion; homogeneous, unless it is a `GradientMedium`."""
 
     name: str
     dispersion: Dispersion
@@ -336,6 +336,11 @@ class Medium:
                 f"{type(self.dispersion).__name__}; a single index is ConstantIndex(n)"
             )
 
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """The wavelengths at which the medium is defined, nm."""
+        return self.dispersion.range_nm
+
     def index(self, wavelength_nm: np.ndarray | float) -> np.ndarray:
         """Refractive index at vacuum wavelengths in nm, shape of the input, float64.
 
@@ -345,7 +350,7 @@ class Medium:
             If a wavelength lies outside the range of the dispersion formula.
         """
         wavelength = check_array("wavelength_nm", wavelength_nm)
-        low, high = self.dispersion.range_nm
+        low, high = self.range_nm
         if not np.all((wavelength >= low) & (wavelength <= high)):
             raise InvalidInputError(
                 f"medium {self.name!r}: wavelength must lie between {low:g} and {high:g} nm, "

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_positive, check_type
+from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from matplotlib.axes import Axes
 
-    from isetcl.eye.changes import ChamberStart, ShiftHold
+    from isetcl.eye.changes import ChamberStart, EyeChange, ShiftHold
     from isetcl.eye.field import FieldMap
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
@@ -59,7 +59,8 @@ class Eye:
     name
         Name of the model.
     surfaces
-        Refracting surfaces in the order light meets them, corneal front first (vertex at z = 0).
+        Refracting surfaces in the order light meets them. The front of the cornea has its vertex at
+        z = 0; lenses in front of it, as spectacles, come before it.
     stop
         The iris. It acts before the first surface whose vertex is at or behind its plane.
     retina
@@ -68,6 +69,9 @@ class Eye:
         The medium in front of the first surface, air by default.
     accommodation_model, accommodation_parameter
         The family this eye belongs to and its place in it; None for an eye that cannot accommodate.
+    fovea_deg
+        Field angles (x, y) of the direction that the fovea sees, degrees from the optical axis. In
+        human eyes about 5 degrees nasally: to the left (x < 0) for a right eye.
 
     Raises
     ------
@@ -82,17 +86,23 @@ class Eye:
     medium_before: Medium = AIR
     accommodation_model: AccommodationModel | None = None
     accommodation_parameter: float | None = None
+    fovea_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         self._check_types()
         if not self.surfaces:
             raise InvalidInputError(f"eye {self.name!r} needs at least one refracting surface")
-        if self.surfaces[0].vertex_z_mm != 0.0:
+        z = [surface.vertex_z_mm for surface in self.surfaces]
+        if z[0] > 0.0 or 0.0 not in z:
             raise InvalidInputError(
-                f"eye {self.name!r}: the first surface must have vertex_z_mm = 0 (the origin of "
-                f"the eye frame), got {self.surfaces[0].vertex_z_mm:g}"
+                f"eye {self.name!r}: the front of the cornea must have vertex_z_mm = 0 (the origin "
+                f"of the eye frame), with nothing but lenses in front of it, got {z[0]:g} mm for "
+                f"the first surface, {self.surfaces[0].name!r}"
             )
         self._check_order()
+        from isetcl.eye.gradient_check import check_gradients
+
+        check_gradients(self, REFERENCE_WAVELENGTH_NM)
 
     def _check_types(self) -> None:
         """Refuse parts that are no parts of an eye."""
@@ -105,6 +115,9 @@ class Eye:
         check_type(f"{label}: stop", self.stop, Stop)
         check_type(f"{label}: retina", self.retina, Retina)
         check_type(f"{label}: medium_before", self.medium_before, Medium)
+        object.__setattr__(
+            self, "fovea_deg", check_pair(f"{label}: fovea_deg", self.fovea_deg, "deg")
+        )
         if self.accommodation_model is not None and not hasattr(self.accommodation_model, "eye"):
             raise InvalidInputError(
                 f"{label}: accommodation_model must have `eye` and `parameter_range`, got "
@@ -116,7 +129,7 @@ class Eye:
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
         for front, back in zip(self.surfaces, self.surfaces[1:], strict=False):
             rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), 65)
-            gap = _smallest_gap_mm(front, back, rho)
+            gap = smallest_gap_mm(front, back, rho)
             if np.min(gap) < 0:
                 at = rho[np.argmax(gap < 0)]
                 raise InvalidInputError(
@@ -181,7 +194,7 @@ class Eye:
 
     def wavelength_range_nm(self) -> tuple[float, float]:
         """The wavelengths at which every medium is defined, nm."""
-        ranges = [m.dispersion.range_nm for m in self.media()]
+        ranges = [m.range_nm for m in self.media()]
         return max(r[0] for r in ranges), min(r[1] for r in ranges)
 
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:
@@ -277,7 +290,34 @@ class Eye:
 
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
 
-    def with_pupil(self, diameter_mm: float, plane: PupilPlane = "stop") -> Eye:
+    def changed(self, change: EyeChange) -> Eye:
+        """The eye with a change, in every state of accommodation.
+
+        Parameters
+        ----------
+        change
+            A lens in front of the eye or in it (`SpectacleLens`, `ContactLens`, `IntraocularLens`),
+            an `ArtificialPupil`, or anything else with a method `apply` from one eye to another.
+        """
+        from isetcl.eye import changes
+
+        return changes.altered(self, change)
+
+    def with_fovea(self, fovea_deg: tuple[float, float]) -> Eye:
+        """The eye with its fovea where the field angles (x, y) are seen, degrees."""
+        from isetcl.eye import changes
+
+        return changes.altered(self, changes.FoveaChange(fovea_deg))
+
+    def with_pupil(
+        self,
+        diameter_mm: float,
+        plane: PupilPlane = "stop",
+        *,
+        decentre_mm: tuple[float, float] | None = None,
+        aspect: float | None = None,
+        axis_deg: float | None = None,
+    ) -> Eye:
         """The eye with another pupil, in every state of accommodation.
 
         Parameters
@@ -286,10 +326,17 @@ class Eye:
             Diameter, mm; of an elliptical stop the longer one.
         plane
             ``"stop"`` (the iris) or ``"entrance"`` (what a clinician measures; paraxial at 550 nm).
+        decentre_mm
+            Middle of the stop (x, y), mm; None leaves it.
+        aspect
+            Shorter diameter over the longer one, 1 for a circle; None leaves it.
+        axis_deg
+            Direction of the longer diameter, degrees from +x towards +y; None leaves it.
         """
-        from isetcl.eye import changes
+        from isetcl.eye import build, changes
 
-        return changes.with_pupil(self, diameter_mm, plane)
+        pupil = build.PupilSpec(diameter_mm, plane, decentre_mm, aspect, axis_deg)
+        return changes.altered(self, pupil)
 
     def with_axial_length(self, axial_length_mm: float) -> Eye:
         """The eye with its retina moved so that it is this long, mm.
@@ -532,7 +579,7 @@ def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
 _GAP_AZIMUTHS = 24
 
 
-def _smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
+def smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
     """Distance along z from one surface to the next at distances from the axis, mm, (n,).
 
     The smallest over all azimuths; places where one of them does not reach count as open.

@@ -9,9 +9,19 @@ from __future__ import annotations
 from typing import Any
 
 from isetcl.eye.arizona import ArizonaModel
+from isetcl.eye.artificial_pupil import ArtificialPupil
 from isetcl.eye.bennett_rabbetts import BennettRabbettsModel
 from isetcl.eye.build import PupilSpec
-from isetcl.eye.changes import AlteredModel, CorneaChange, LensShift, VitreousChange
+from isetcl.eye.changes import (
+    AlteredModel,
+    CorneaChange,
+    FoveaChange,
+    LensShift,
+    VitreousChange,
+)
+from isetcl.eye.contact_lens import ContactLens
+from isetcl.eye.gradient import PolynomialGradient, PolynomialMedium, ShellMedium
+from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -30,6 +40,7 @@ from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
@@ -43,18 +54,28 @@ _MEDIA: tuple[type[Any], ...] = (
     AbbeDispersion,
     SellmeierDispersion,
     TabulatedDispersion,
+    PolynomialMedium,
+    PolynomialGradient,
+    ShellMedium,
 )
 _FAMILIES: tuple[type[Any], ...] = (
     NavarroModel,
     ArizonaModel,
     BennettRabbettsModel,
     AlteredModel,
+)
+_CHANGES: tuple[type[Any], ...] = (
     VitreousChange,
     LensShift,
     CorneaChange,
+    FoveaChange,
+    SpectacleLens,
+    ContactLens,
+    IntraocularLens,
+    ArtificialPupil,
 )
 
 KINDS: dict[str, type[Any]] = {
-    kind.__name__: kind for kind in (*_PARTS, *_SHAPES, *_MEDIA, *_FAMILIES)
+    kind.__name__: kind for kind in (*_PARTS, *_SHAPES, *_MEDIA, *_FAMILIES, *_CHANGES)
 }
 """Class by name."""
