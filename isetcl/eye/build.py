@@ -9,7 +9,7 @@ import numpy as np
 
 from isetcl.errors import check_between, check_choice, check_finite, check_pair, check_positive
 from isetcl.eye import paraxial
-from isetcl.eye.media import AbbeDispersion, ConstantIndex, Medium
+from isetcl.eye.media import LINE_D_NM, AbbeDispersion, ConstantIndex, Dispersion, Medium
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, PupilPlane
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface, conic_sag
@@ -94,14 +94,25 @@ class PupilSpec:
         return dataclasses.replace(eye, stop=stop)
 
 
-def medium(name: str, index: float, abbe_number: float | None = None) -> Medium:
+def medium(
+    name: str, index: float, abbe_number: float | None = None, index_nm: float = LINE_D_NM
+) -> Medium:
     """A medium of which one index is published; achromatic unless it is given an Abbe number.
 
-    With an Abbe number the index is that at 587.56 nm; see `AbbeDispersion`.
+    `index_nm` is the wavelength of that index.
     """
+    return Medium(name, dispersion(index, abbe_number, index_nm))
+
+
+def dispersion(
+    index: float, abbe_number: float | None = None, index_nm: float = LINE_D_NM
+) -> Dispersion:
+    """The dispersion of `medium`."""
     if abbe_number is None:
-        return Medium(name, ConstantIndex(index))
-    return Medium(name, AbbeDispersion(index, abbe_number))
+        return ConstantIndex(index)
+    # n - 1 is proportional to n_d - 1 at any wavelength.
+    ratio = float(AbbeDispersion(2.0, abbe_number).evaluate(np.array(index_nm))) - 1.0
+    return AbbeDispersion(1.0 + (index - 1.0) / ratio, abbe_number)
 
 
 def lens_surfaces(

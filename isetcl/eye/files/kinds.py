@@ -28,6 +28,7 @@ from isetcl.eye.media import (
     CornuDispersion,
     Medium,
     NavarroDispersion,
+    PowerDispersion,
     SellmeierDispersion,
     TabulatedDispersion,
 )
@@ -50,6 +51,7 @@ _MEDIA: tuple[type[Any], ...] = (
     Medium,
     ConstantIndex,
     NavarroDispersion,
+    PowerDispersion,
     CornuDispersion,
     AbbeDispersion,
     SellmeierDispersion,
