@@ -7,7 +7,11 @@ from collections.abc import Callable
 from isetcl.errors import InvalidInputError, check_choice, check_finite
 from isetcl.eye.arizona import ArizonaModel
 from isetcl.eye.build import PupilSpec
+from isetcl.eye.fit import EyeFit as EyeFit
+from isetcl.eye.fit import fit as fit
 from isetcl.eye.legrand import LeGrandState, legrand_eye
+from isetcl.eye.measurement import ZernikeMeasurement as ZernikeMeasurement
+from isetcl.eye.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
 from isetcl.eye.model import (
     REFERENCE_WAVELENGTH_NM,
