@@ -23,6 +23,7 @@ from isetcl.errors import (
     check_type,
 )
 from isetcl.eye.media import AIR, Medium
+from isetcl.eye.pictures import EyePictures
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -202,7 +203,7 @@ class AccommodationModel(Protocol):
 
 
 @dataclass(frozen=True)
-class Eye:
+class Eye(EyePictures):
     """A sequential model eye.
 
     Parameters
