@@ -27,8 +27,17 @@ from isetcl.eye.media import (
     NavarroDispersion,
     SellmeierDispersion,
 )
-from isetcl.eye.model import Eye, Retina, Stop, Surface
+from isetcl.eye.model import Eye
+from isetcl.eye.placement import Placement
 from isetcl.eye.rays import RayBundle, RayStatus
+from isetcl.eye.retina import Retina
+from isetcl.eye.shapes.biconic import Biconic
+from isetcl.eye.shapes.even_asphere import EvenAsphere
+from isetcl.eye.shapes.height_map import HeightMap
+from isetcl.eye.shapes.toric import Toric
+from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface
 
 # The function `render` takes the place of the package of the same name as an attribute of isetcl;
 # `from isetcl.render.plan import ...` goes on working.
@@ -68,6 +77,7 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
+    "Biconic",
     "Checkerboard",
     "Coated",
     "ComplexIndex",
@@ -82,10 +92,12 @@ __all__ = [
     "DistantLight",
     "Emission",
     "Environment",
+    "EvenAsphere",
     "Eye",
     "FileError",
     "FocusError",
     "Grid",
+    "HeightMap",
     "Image",
     "Instance",
     "InvalidInputError",
@@ -99,6 +111,7 @@ __all__ = [
     "NavarroDispersion",
     "OutOfMemoryError",
     "PinholeView",
+    "Placement",
     "Plan",
     "PointLight",
     "Quad",
@@ -116,8 +129,10 @@ __all__ = [
     "SpotLight",
     "Stop",
     "Surface",
+    "Toric",
     "TwoSided",
     "UnlitReflectance",
+    "ZernikeSag",
     "__version__",
     "blackbody",
     "display_primaries",

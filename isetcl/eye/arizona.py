@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from isetcl.errors import check_between
 from isetcl.eye.build import Face, PupilSpec, cornea_surfaces, lens_surfaces
 from isetcl.eye.media import AbbeDispersion, AbbeInterpolation, Medium
-from isetcl.eye.model import Eye, Retina, Stop
+from isetcl.eye.model import Eye
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,9 @@ import numpy as np
 from isetcl.errors import check_choice, check_positive
 from isetcl.eye import paraxial
 from isetcl.eye.media import Medium
-from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, PupilPlane, Stop, Surface, conic_sag
+from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, PupilPlane
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface, conic_sag
 
 CORNEA_SEMI_DIAMETERS_MM = (7.0, 6.0)
 """Semi-diameters of the corneal surfaces, mm, of the eyes in this folder.

@@ -12,7 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.eye.otf import OpticalTransfer
-from isetcl.eye.picture_parts import FIELD_COLOURS, GREY, PALE, axes_or_new, dress, field_colour
+from isetcl.eye.picture_parts import (
+    FIELD_COLOURS,
+    GREY,
+    PALE,
+    axes_or_new,
+    dress,
+    field_colour,
+    field_name,
+)
 from isetcl.eye.refraction_error import FocusMetric, ObliqueFoci
 
 if TYPE_CHECKING:
@@ -49,7 +57,7 @@ def draw_mtf(
     for i, (transfer, field) in enumerate(zip(transfers, fields_deg, strict=True)):
         x, y = (0.0, float(field)) if np.ndim(field) == 0 else field  # type: ignore[arg-type,misc]
         along = math.degrees(math.atan2(y, x)) if (x, y) != (0.0, 0.0) else 90.0
-        name = f"{y:g}°" if x == 0 else f"({x:g}, {y:g})°"
+        name = field_name((x, y))
         for turn, style, section in ((0.0, "-", "tangential"), (90.0, "--", "sagittal")):
             values = transfer.mtf(frequency, along + turn)
             colour = field_colour(i)

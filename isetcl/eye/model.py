@@ -14,16 +14,12 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import (
-    InvalidInputError,
-    check_choice,
-    check_finite,
-    check_number,
-    check_positive,
-    check_type,
-)
+from isetcl.errors import InvalidInputError, check_choice, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
 from isetcl.eye.pictures import EyePictures
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,156 +35,6 @@ REFERENCE_WAVELENGTH_NM = 550.0
 """Wavelength, nm, of focus and of the retinal grid unless another is named (the paper's)."""
 
 _SAME_PLANE_MM = 1e-9
-
-
-def conic_sag(rho_mm: np.ndarray | float, curvature: float, conic: float) -> np.ndarray:
-    """Sag z(rho) of a conic of revolution, mm: c rho^2 / (1 + sqrt(1 - (1 + k) c^2 rho^2)).
-
-    NaN beyond the rim. For building geometry only; ray hits are never re-projected on it, because
-    they may lie behind the equator.
-    """
-    rho2 = np.square(rho_mm)
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(1.0 - (1.0 + conic) * curvature**2 * rho2)
-    return curvature * rho2 / (1.0 + root)
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A refracting conic of revolution, c (x^2 + y^2 + (1 + k) z^2) - 2 z = 0 from its vertex.
-
-    Parameters
-    ----------
-    name
-        For messages and drawings, "cornea front".
-    vertex_z_mm
-        Where the surface meets the axis, mm behind the corneal vertex.
-    curvature
-        c = 1/R, 1/mm; 0 is a plane; > 0 if the centre lies at larger z.
-    conic
-        k: 0 sphere, -1 paraboloid, < -1 hyperboloid.
-    semi_diameter_mm
-        Largest distance from the axis at which the surface exists, mm.
-    medium_after
-        The medium on the retinal side.
-    """
-
-    name: str
-    vertex_z_mm: float
-    curvature: float
-    conic: float
-    semi_diameter_mm: float
-    medium_after: Medium
-
-    def __post_init__(self) -> None:
-        label = f"surface {self.name!r}"
-        check_type("surface: name", self.name, str)
-        for name, unit in (("vertex_z_mm", "mm"), ("curvature", "1/mm"), ("conic", "")):
-            value = check_finite(f"{label}: {name}", getattr(self, name), unit)
-            object.__setattr__(self, name, value)
-        check_positive(f"{label}: semi_diameter_mm", self.semi_diameter_mm, "mm")
-        check_type(f"{label}: medium_after", self.medium_after, Medium)
-        rim2 = (1.0 + self.conic) * (self.curvature * self.semi_diameter_mm) ** 2
-        if rim2 >= 1.0:
-            reach = 1.0 / (abs(self.curvature) * math.sqrt(1.0 + self.conic))
-            raise InvalidInputError(
-                f"{label}: semi_diameter_mm must be < {reach:.6g} mm, where this conic ends, "
-                f"got {self.semi_diameter_mm:g}"
-            )
-
-    @classmethod
-    def from_radius(
-        cls,
-        name: str,
-        vertex_z_mm: float,
-        radius_mm: float,
-        *,
-        conic: float = 0.0,
-        semi_diameter_mm: float,
-        medium_after: Medium,
-    ) -> Surface:
-        """A surface given by its vertex radius of curvature in mm; `inf` is a plane.
-
-        Raises
-        ------
-        InvalidInputError
-            If the radius is zero or NaN.
-        """
-        curvature = _curvature(f"surface {name!r}: radius_mm", radius_mm)
-        return cls(name, vertex_z_mm, curvature, conic, semi_diameter_mm, medium_after)
-
-    @property
-    def radius_mm(self) -> float:
-        """Vertex radius of curvature, mm; `inf` for a plane."""
-        return math.inf if self.curvature == 0 else 1.0 / self.curvature
-
-    def sag_mm(self, rho_mm: np.ndarray | float) -> np.ndarray:
-        """Position z - vertex_z at distance rho from the axis, mm."""
-        return conic_sag(rho_mm, self.curvature, self.conic)
-
-
-@dataclass(frozen=True)
-class Stop:
-    """The physical iris: a circular hole in an opaque plane.
-
-    Parameters
-    ----------
-    z_mm
-        Position of the plane behind the corneal vertex, mm.
-    diameter_mm
-        Diameter of the hole, mm. A ray that meets the edge exactly passes.
-    """
-
-    z_mm: float
-    diameter_mm: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "z_mm", check_finite("stop: z_mm", self.z_mm, "mm"))
-        diameter = check_positive("stop: diameter_mm", self.diameter_mm, "mm")
-        object.__setattr__(self, "diameter_mm", diameter)
-
-    @property
-    def radius_mm(self) -> float:
-        """Radius of the hole, mm."""
-        return self.diameter_mm / 2.0
-
-
-@dataclass(frozen=True)
-class Retina:
-    """The surface that receives the image: a conic of revolution, concave towards the lens.
-
-    Parameters
-    ----------
-    vertex_z_mm
-        Where it meets the axis, mm behind the corneal vertex (the axial length).
-    curvature
-        c = 1/R, 1/mm, <= 0: the centre of curvature lies in front of the retina.
-    conic
-        k of the conic, 0 for a sphere.
-    """
-
-    vertex_z_mm: float
-    curvature: float
-    conic: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_positive("retina: vertex_z_mm", self.vertex_z_mm, "mm")
-        check_finite("retina: conic", self.conic)
-        if check_finite("retina: curvature", self.curvature, "1/mm") > 0:
-            raise InvalidInputError(
-                "retina: curvature must be <= 0 1/mm (centre of curvature in front of the "
-                f"retina), got {self.curvature:g}; pass a negative radius"
-            )
-
-    @classmethod
-    def from_radius(cls, vertex_z_mm: float, radius_mm: float, conic: float = 0.0) -> Retina:
-        """A retina given by its radius of curvature, mm, negative (Navarro: -12)."""
-        return cls(vertex_z_mm, _curvature("retina: radius_mm", radius_mm), conic)
-
-    @property
-    def radius_mm(self) -> float:
-        """Vertex radius of curvature, mm (negative); `-inf` for a plane."""
-        return -math.inf if self.curvature == 0 else 1.0 / self.curvature
 
 
 class AccommodationModel(Protocol):
@@ -268,7 +114,7 @@ class Eye(EyePictures):
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
         for front, back in zip(self.surfaces, self.surfaces[1:], strict=False):
             rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), 65)
-            gap = back.vertex_z_mm + back.sag_mm(rho) - front.vertex_z_mm - front.sag_mm(rho)
+            gap = _smallest_gap_mm(front, back, rho)
             if np.min(gap) < 0:
                 at = rho[np.argmax(gap < 0)]
                 raise InvalidInputError(
@@ -285,7 +131,9 @@ class Eye(EyePictures):
             )
         for surface in self.surfaces[: self.stop_index]:
             edge = min(self.stop.radius_mm, surface.semi_diameter_mm)
-            if surface.vertex_z_mm + float(surface.sag_mm(edge)) > self.stop.z_mm:
+            turn = np.linspace(0.0, 2.0 * np.pi, 17)
+            sag = surface.sag_mm(edge * np.cos(turn), edge * np.sin(turn))
+            if surface.vertex_z_mm + float(np.max(sag)) > self.stop.z_mm:
                 raise InvalidInputError(
                     f"eye {self.name!r}: the stop (radius {self.stop.radius_mm:g} mm, at "
                     f"{self.stop.z_mm:g} mm) cuts surface {surface.name!r}; make the stop smaller "
@@ -299,6 +147,15 @@ class Eye(EyePictures):
         A vertex that lies in the plane of the stop, to rounding, is behind it.
         """
         return sum(s.vertex_z_mm < self.stop.z_mm - _SAME_PLANE_MM for s in self.surfaces)
+
+    @property
+    def is_rotational(self) -> bool:
+        """Whether everything is a surface of revolution about the axis of the eye."""
+        return (
+            all(surface.is_rotational for surface in self.surfaces)
+            and self.stop.is_rotational
+            and self.retina.is_rotational
+        )
 
     @property
     def axial_length_mm(self) -> float:
@@ -484,19 +341,19 @@ class Eye(EyePictures):
         )
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the section of the eye with rays from infinity; returns the axes.
+        """Draw the section of the eye with rays; returns the axes.
 
         Parameters
         ----------
         ax
             Matplotlib axes; None makes a new figure.
         options
-            `fields_deg`, `wavelength_nm` and `rays` of `isetcl.eye.drawing.draw_eye`.
+            Those of `isetcl.eye.drawing.draw_eye`.
         """
         from isetcl.eye import drawing
 
         for name in options:
-            check_choice("option of plot", name, ("fields_deg", "wavelength_nm", "rays"))
+            check_choice("option of plot", name, drawing.OPTIONS)
         return drawing.draw_eye(self, ax, **options)
 
     def describe(self) -> dict[str, Any]:
@@ -522,8 +379,19 @@ def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
         )
 
 
-def _curvature(name: str, radius_mm: float) -> float:
-    radius = check_number(name, radius_mm)
-    if math.isnan(radius) or radius == 0:
-        raise InvalidInputError(f"{name} must be a non-zero number (inf is a plane), got {radius}")
-    return 0.0 if math.isinf(radius) else 1.0 / radius
+_GAP_AZIMUTHS = 24
+
+
+def _smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
+    """Distance along z from one surface to the next at distances from the axis, mm, (n,).
+
+    The smallest over all azimuths; places where one of them does not reach count as open.
+    """
+    if front.is_rotational and back.is_rotational:
+        return back.vertex_z_mm + back.sag_mm(rho_mm) - front.vertex_z_mm - front.sag_mm(rho_mm)
+    from isetcl.eye.sequential import heights_mm
+
+    turn = 2.0 * np.pi * np.arange(_GAP_AZIMUTHS) / _GAP_AZIMUTHS
+    x, y = rho_mm[:, None] * np.cos(turn), rho_mm[:, None] * np.sin(turn)
+    gap = heights_mm(back, x, y) - heights_mm(front, x, y)
+    return np.asarray(np.min(np.where(np.isfinite(gap), gap, np.inf), axis=1))

@@ -12,7 +12,9 @@ from typing import Literal
 from isetcl.errors import check_between, check_choice
 from isetcl.eye.build import Face, PupilSpec, cornea_surfaces, lens_surfaces
 from isetcl.eye.media import Medium, NavarroDispersion
-from isetcl.eye.model import Eye, Retina, Stop
+from isetcl.eye.model import Eye
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
 
 Hold = Literal["vitreous_depth", "axial_length"]
 

@@ -83,7 +83,8 @@ def system_matrix(
         if i > first:
             gap = surfaces[i].vertex_z_mm - surfaces[i - 1].vertex_z_mm
             matrix = _transfer(gap / index[i]) @ matrix
-        power = (index[i + 1] - index[i]) * surfaces[i].curvature
+        bend_x, _, bend_y = surfaces[i].vertex_curvatures()
+        power = (index[i + 1] - index[i]) * (bend_x + bend_y) / 2.0
         matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
     return matrix
 

@@ -23,7 +23,14 @@ FIELD_COLOURS = ("#1f4e79", "#c0392b", "#2e8b57", "#8e44ad", "#d68910", "#117a8b
 GREY = "0.25"
 PALE = "0.6"
 
+_PAD_IN = 0.08
 _VIOLET_NM, _RED_NM = 400.0, 700.0
+
+
+def field_name(field_deg: tuple[float, float] | float) -> str:
+    """A field angle as text: 5° upwards, or (3, 4)°."""
+    x, y = (0.0, float(field_deg)) if isinstance(field_deg, (int, float)) else field_deg
+    return f"{y:g}°" if x == 0 else f"({x:g}, {y:g})°"
 
 
 def field_colour(i: int) -> str:
@@ -67,8 +74,13 @@ def figure_or_new(figure: AnyFigure | None, width: float, height: float) -> AnyF
     """
     if figure is None:
         import matplotlib.pyplot as plt
+        from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-        return plt.figure(figsize=(width, height), layout="constrained")
+        new = plt.figure(figsize=(width, height), layout="constrained")
+        engine = new.get_layout_engine()
+        assert isinstance(engine, ConstrainedLayoutEngine)
+        engine.set(w_pad=_PAD_IN, h_pad=_PAD_IN)
+        return new
     if not hasattr(figure, "subplots"):
         raise InvalidInputError(
             f"figure must be a matplotlib figure, got {type(figure).__name__}; pass axes as ax "
@@ -86,6 +98,19 @@ def dress(ax: Axes, x_label: str, y_label: str, title: str = "") -> Axes:
     ax.grid(True, lw=0.4, alpha=0.7)
     ax.set_axisbelow(True)
     return ax
+
+
+def legend_below(figure: AnyFigure, ax: Axes) -> None:
+    """What lines of some axes mean, below all axes of a figure."""
+    handles, labels = ax.get_legend_handles_labels()
+    figure.legend(
+        handles,
+        labels,
+        loc="outside lower center",
+        ncols=len(labels),
+        frameon=False,
+        fontsize="small",
+    )
 
 
 def scale_bar(ax: Axes, length_arcmin: float, colour: str) -> None:

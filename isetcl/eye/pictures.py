@@ -20,12 +20,27 @@ if TYPE_CHECKING:
 _REFERENCE_NM = 550.0
 _COLOURS_NM = (486.1, 550.0, 656.3)
 _SPOT_RINGS = 9
-_THROUGH_FOCUS_STEPS = 61
+_THROUGH_FOCUS_STEPS = 101
+_SHOWN_SHARE = 0.98
 _LARGEST_PSF_ARCMIN = 240.0
 
 
 class EyePictures(EyeAnalysis):
     """Methods of `Eye` that draw. `ax` or `figure` None makes a new matplotlib figure."""
+
+    def plot_overview(
+        self,
+        fields_deg: Sequence[float] = (0.0, 5.0, 10.0),
+        wavelength_nm: float = _REFERENCE_NM,
+        figure: AnyFigure | None = None,
+        *,
+        object_distance_m: float = math.inf,
+    ) -> AnyFigure:
+        """All pictures of the eye on one page; returns the figure. See `overview.Overview`."""
+        from isetcl.eye.overview import Overview
+
+        eye, fields = self._as_eye(), tuple(fields_deg)
+        return Overview(eye, fields, wavelength_nm, object_distance_m).page(figure)
 
     def plot_spots(
         self,
@@ -33,12 +48,13 @@ class EyePictures(EyeAnalysis):
         wavelengths_nm: Sequence[float] = _COLOURS_NM,
         figure: AnyFigure | None = None,
         *,
+        reference_nm: float | None = None,
         object_distance_m: float = math.inf,
     ) -> AnyFigure:
         """Spot diagrams of field angles, upwards, in several wavelengths; returns the figure.
 
-        All wavelengths of a panel are drawn about the chief ray of the middle one, whose Airy ring
-        is dashed.
+        All wavelengths of a panel are drawn about the chief ray of `reference_nm` (None: the middle
+        one). The black ring is the Airy ring of the middle one.
         """
         from isetcl.eye import ray_pictures
 
@@ -46,6 +62,7 @@ class EyePictures(EyeAnalysis):
             self.spots(
                 float(field),
                 wavelengths_nm,
+                reference_nm=reference_nm,
                 object_distance_m=object_distance_m,
                 rings=_SPOT_RINGS,
             )
@@ -59,18 +76,23 @@ class EyePictures(EyeAnalysis):
         wavelengths_nm: Sequence[float] = _COLOURS_NM,
         figure: AnyFigure | None = None,
         *,
+        reference_nm: float | None = None,
         object_distance_m: float = math.inf,
     ) -> AnyFigure:
-        """Ray fans of field angles, upwards, in several wavelengths; returns the figure."""
+        """Ray fans of field angles, upwards, in several wavelengths; returns the figure.
+
+        Errors are measured from the chief ray of `reference_nm` (None: the middle wavelength).
+        """
         from isetcl.eye import ray_pictures
 
         middle = float(wavelengths_nm[len(wavelengths_nm) // 2])
+        origin = middle if reference_nm is None else reference_nm
         fans = [
             [
                 self.ray_fan(
                     float(field),
                     float(wavelength),
-                    reference_nm=middle,
+                    reference_nm=origin,
                     object_distance_m=object_distance_m,
                 )
                 for wavelength in wavelengths_nm
@@ -124,8 +146,10 @@ class EyePictures(EyeAnalysis):
         front = self._as_eye().wavefront(
             field_deg, wavelength_nm, object_distance_m=object_distance_m
         )
-        width = psf_width_arcmin(front) if fov_arcmin is None else fov_arcmin
-        return wave_pictures.draw_psf(front.psf(width, 256), ax, decades=decades)
+        share = _SHOWN_SHARE if fov_arcmin is None and decades is None else None
+        if fov_arcmin is None:
+            fov_arcmin = psf_width_arcmin(front)
+        return wave_pictures.draw_psf(front.psf(fov_arcmin, 512), ax, decades=decades, share=share)
 
     def plot_mtf(
         self,
@@ -218,12 +242,12 @@ class EyePictures(EyeAnalysis):
 
 
 def psf_width_arcmin(front: Wavefront) -> float:
-    """A width that shows a point spread function: its rays, and some dark rings, arcmin."""
+    """A width that shows the rays of a point and ten dark rings about them, arcmin."""
     from isetcl.eye import geometric
     from isetcl.units import ARCMIN_PER_DEG
 
-    rays = geometric.spot_of_wavefront(front).rms_arcmin
+    rays = geometric.spot_of_wavefront(front)
+    reach = math.hypot(*rays.centroid_arcmin) + 2.0 * rays.rms_arcmin
     ring = ARCMIN_PER_DEG / (front.step_cpd * front.samples)
-    return min(
-        6.0 * rays + 10.0 * ring, 0.999 * ARCMIN_PER_DEG / front.step_cpd, _LARGEST_PSF_ARCMIN
-    )
+    most = 0.999 * ARCMIN_PER_DEG / front.step_cpd
+    return min(2.0 * (reach + 10.0 * ring), most, _LARGEST_PSF_ARCMIN)

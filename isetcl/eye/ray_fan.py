@@ -10,6 +10,7 @@ import numpy as np
 from isetcl.errors import check_count, check_finite
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.object_point import ObjectPoint
+from isetcl.eye.stop import Stop
 from isetcl.eye.visual_angle import retinal_scale, visual_angle_deg
 from isetcl.units import ARCMIN_PER_DEG
 
@@ -21,7 +22,7 @@ class RayFan:
     Attributes
     ----------
     pupil : ndarray, (n,)
-        Where rays meet the stop, in its radii: -1 to 1, upwards (tangential) or to the right.
+        Where rays meet the stop, -1 to 1 across it: upwards (tangential) or to the right.
     tangential_arcmin, sagittal_arcmin : ndarray, (n,)
         Transverse aberration: the visual angle from the chief ray of the reference wavelength,
         upwards for the tangential section and to the right for the sagittal one. NaN where a ray
@@ -78,11 +79,18 @@ def ray_fan(
     pupil = np.linspace(-1.0, 1.0, count)
     sections = []
     for column in (1, 0):
-        stop = np.zeros((count, 2))
+        stop = np.tile(eye.stop.decentre_mm, (count, 1))
         # A ray on the very rim may be lost to rounding.
-        stop[:, column] = eye.stop.radius_mm * (1.0 - 1e-9) * pupil
+        stop[:, column] += half_chord_mm(eye.stop, column) * (1.0 - 1e-9) * pupil
         points, found = source.aim(stop)
         traced = source.trace(points)
         seen = visual_angle_deg(traced.point_mm - middle, scale)[:, column] * ARCMIN_PER_DEG
         sections.append(np.where(found & traced.passed, seen, np.nan))
     return RayFan(pupil, sections[0], sections[1], field, source.wavelength_nm)
+
+
+def half_chord_mm(stop: Stop, axis: int) -> float:
+    """Distance from the middle of a stop to its rim along x (0) or y (1), mm."""
+    step = np.array(stop.decentre_mm)
+    step[axis] += 1.0
+    return 1.0 / float(np.linalg.norm(stop.disc_of(step)))

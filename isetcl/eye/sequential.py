@@ -6,6 +6,7 @@ directions scaled to the index there), so that agreement means something.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -13,9 +14,16 @@ import numpy as np
 from isetcl.errors import check_choice, check_vectors
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import Element, ElementKind, elements
+from isetcl.eye.quadric import Quadric
 from isetcl.eye.rays import RayBundle, RayStatus
+from isetcl.eye.shapes.shape import SurfaceShape
+from isetcl.eye.surface import Surface, form_quadric
 
 Towards = Literal["retina", "scene"]
+
+_NEWTON_STEPS = 24
+_LANDED_MM = 1e-13
+_ON_SURFACE_MM = 1e-10  # a ray that Newton's method leaves farther off a surface misses it
 
 
 def trace(
@@ -76,19 +84,21 @@ def trace_elements(
     opl = np.zeros(len(position))
     hits = []
     for i, element in enumerate(sequence):
-        hit, length, cosine, gradient, missed = intersect_conic(position, direction, element, sense)
+        crossing = intersect(position, direction, element, sense)
+        missed = crossing.missed
         _lose(status, surface, missed, RayStatus.MISSED, i)
         n_in, n_out = element.n_before, element.n_after
         if sense < 0:
             n_in, n_out = n_out, n_in
         alive = status == RayStatus.OK
-        position = np.where(alive[:, None], hit, position)
-        opl = np.where(alive, opl + n_in * length, opl)
-        outside = hit[:, 0] ** 2 + hit[:, 1] ** 2 > element.semi_diameter_mm**2
+        position = np.where(alive[:, None], crossing.position, position)
+        opl = np.where(alive, opl + n_in * crossing.length, opl)
+        across = crossing.local[:, 1] / element.aspect
+        outside = crossing.local[:, 0] ** 2 + across**2 > element.semi_diameter_mm**2
         reason = RayStatus.STOPPED if element.kind is ElementKind.STOP else RayStatus.OUTSIDE
         _lose(status, surface, outside, reason, i)
         if element.kind is ElementKind.REFRACT:
-            bent, reflected = _refract(direction, gradient, cosine, n_in, n_out, sense)
+            bent, reflected = _refract(direction, crossing, n_in, n_out, sense)
             _lose(status, surface, reflected, RayStatus.REFLECTED, i)
             direction = np.where((status == RayStatus.OK)[:, None], bent, direction)
         if record_hits:
@@ -104,43 +114,116 @@ def trace_elements(
     )
 
 
-def intersect_conic(
-    position: np.ndarray, direction: np.ndarray, element: Element, sense: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Intersection of rays with a conic of revolution, crossed in the direction of travel.
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """Where n rays cross an element.
 
-    Moves each ray to its point of closest approach to the vertex first, then takes the root with
-    g . d = sense sqrt(F^2 - A G) in the form that does not cancel (Feder 1951; Goldberg 1991).
-
-    Returns
-    -------
-    hit : (n, 3) mm; length : (n,) mm; cosine : (n,) |cos| of incidence; gradient : (n, 3) surface
-    gradient; missed : (n,) bool
+    Attributes
+    ----------
+    position, local : ndarray, (n, 3)
+        The points in the eye frame and in the element's own, mm.
+    length : ndarray, (n,)
+        From where the rays were, mm.
+    gradient : ndarray, (n, 3)
+        Slope g of the surface there, eye frame; towards +z.
+    cosine : ndarray, (n,)
+        |cos| of incidence.
+    missed : ndarray of bool, (n,)
+        Rays that do not cross it in their direction of travel.
     """
-    c, k = element.curvature, element.conic
-    kappa = 1.0 + k
-    vertex = np.array([0.0, 0.0, element.vertex_z_mm])
-    local = position - vertex
-    approach = -np.einsum("ij,ij->i", local, direction)
-    local = local + approach[:, None] * direction
-    x, y, z = local.T
-    dx, dy, dz = direction.T
-    f = dz - c * (x * dx + y * dy + kappa * z * dz)
-    g = c * (x * x + y * y + kappa * z * z) - 2.0 * z
-    a = c * (1.0 + k * dz * dz)
-    discriminant = f * f - a * g
-    missed = ~(discriminant >= 0.0)
-    q = sense * np.sqrt(np.where(missed, 0.0, discriminant))
-    far = f * q < 0.0
-    numerator = np.where(far, f - q, g)
-    denominator = np.where(far, a, f + q)
-    null = denominator == 0.0
-    missed = missed | (null & (numerator != 0.0))
-    step = numerator / np.where(null, 1.0, denominator)
-    local = local + step[:, None] * direction
-    gradient = np.stack([-c * local[:, 0], -c * local[:, 1], 1.0 - kappa * c * local[:, 2]], axis=1)
-    cosine = np.abs(q) / np.linalg.norm(gradient, axis=1)
-    return local + vertex, approach + step, cosine, gradient, missed
+
+    position: np.ndarray
+    local: np.ndarray
+    length: np.ndarray
+    gradient: np.ndarray
+    cosine: np.ndarray
+    missed: np.ndarray
+
+
+def intersect(
+    position: np.ndarray, direction: np.ndarray, element: Element, sense: float
+) -> Crossing:
+    """Where rays, (n, 3) points in mm and unit directions of the eye frame, cross an element."""
+    start, heading = element.enter(position, direction)
+    quadric = form_quadric(element.curvature, element.conic, element.shape)
+    length, missed = quadric.intersect(start, heading, sense)
+    shape = element.shape
+    if shape is None or shape.is_quadric(element.curvature, element.conic):
+        local = start + length[:, None] * heading
+        _, gradient = quadric.implicit(*local.T)
+    else:
+        form = _Form(shape, element.curvature, element.conic, quadric)
+        length, local, gradient, missed = form.intersect(start, heading, length, missed, sense)
+    along = np.einsum("ij,ij->i", gradient, heading)
+    cosine = np.abs(along) / np.linalg.norm(gradient, axis=1)
+    hit, gradient = element.leave(local, gradient)
+    return Crossing(hit, local, length, gradient, cosine, missed)
+
+
+@dataclass(frozen=True, eq=False)
+class _Form:
+    """A surface that is met by Newton's method, in its own frame."""
+
+    shape: SurfaceShape
+    curvature: float
+    conic: float
+    quadric: Quadric
+
+    def intersect(
+        self,
+        start: np.ndarray,
+        heading: np.ndarray,
+        length: np.ndarray,
+        missed: np.ndarray,
+        sense: float,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Length, point, g and misses, from the lengths to the quadric."""
+        # Where the quadric is missed, the plane of the vertex is as good a start as any.
+        to_plane = -start[:, 2] / np.where(heading[:, 2] == 0.0, 1.0, heading[:, 2])
+        length = np.where(missed, to_plane, length)
+        for _ in range(_NEWTON_STEPS):
+            value, gradient = self._implicit(start + length[:, None] * heading)
+            step = value / (2.0 * np.einsum("ij,ij->i", gradient, heading))
+            step = np.where(np.isfinite(step), step, 0.0)
+            length = length + np.clip(step, -_LONGEST_STEP_MM, _LONGEST_STEP_MM)
+            if np.max(np.abs(step), initial=0.0) < _LANDED_MM:
+                break
+        local = start + length[:, None] * heading
+        value, gradient = self._implicit(local)
+        along = np.einsum("ij,ij->i", gradient, heading)
+        landed = (np.abs(value) < _ON_SURFACE_MM) & (sense * along >= 0.0)
+        # Missing rays keep finite numbers.
+        gradient = np.where(landed[:, None], gradient, np.array([0.0, 0.0, 1.0]))
+        return length, local, gradient, ~landed
+
+    def _implicit(self, local: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+            return self.shape.implicit(self.curvature, self.conic, *local.T)
+
+
+_LONGEST_STEP_MM = 20.0
+
+
+def heights_mm(surface: Surface, x_mm: np.ndarray, y_mm: np.ndarray) -> np.ndarray:
+    """z of a surface in its place over points (x, y) of the eye frame, mm; NaN where it ends."""
+    x, y = np.broadcast_arrays(x_mm, y_mm)
+    element = Element(
+        ElementKind.REFRACT,
+        surface.name,
+        surface.vertex_z_mm,
+        surface.curvature,
+        surface.conic,
+        surface.semi_diameter_mm,
+        1.0,
+        1.0,
+        surface.shape,
+        surface.placement,
+    )
+    origins = np.stack([x.ravel(), y.ravel(), np.full(x.size, surface.vertex_z_mm)], axis=1)
+    crossing = intersect(origins, np.broadcast_to([0.0, 0.0, 1.0], origins.shape), element, 1.0)
+    rho2 = crossing.local[:, 0] ** 2 + crossing.local[:, 1] ** 2
+    ended = crossing.missed | (rho2 > surface.semi_diameter_mm**2)
+    return np.where(ended, np.nan, crossing.position[:, 2]).reshape(x.shape)
 
 
 def meets_far_side(
@@ -154,29 +237,29 @@ def meets_far_side(
     far = np.zeros(len(origins_mm), dtype=bool)
     for i, element in enumerate(sequence):
         rays = trace_elements(sequence[:i], origins_mm, directions, towards)
-        local = rays.positions_mm - np.array([0.0, 0.0, element.vertex_z_mm])
-        local -= np.einsum("ij,ij->i", local, rays.directions)[:, None] * rays.directions
-        scale = np.array([1.0, 1.0, 1.0 + element.conic])
-        across = np.einsum("ij,ij->i", local * scale, rays.directions)
-        f = rays.directions[:, 2] - element.curvature * across
+        local, heading = element.enter(rays.positions_mm, rays.directions)
+        local = local - np.einsum("ij,ij->i", local, heading)[:, None] * heading
+        q = element.quadric
+        scale = np.array([q.curvature_x, q.curvature_y, q.axial])
+        f = heading[:, 2] - np.einsum("ij,ij->i", local * scale, heading)
         far |= rays.passed & (sense * f < 0.0)
     return far
 
 
 def _refract(
     direction: np.ndarray,
-    gradient: np.ndarray,
-    cosine: np.ndarray,
+    crossing: Crossing,
     n_in: float,
     n_out: float,
     sense: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Snell's law in vector form; returns unit directions (n, 3) and total reflection (n,)."""
-    normal_part = n_in * cosine
+    normal_part = n_in * crossing.cosine
     radicand = normal_part**2 + (n_out**2 - n_in**2)
     reflected = ~(radicand >= 0.0)
     root = np.sqrt(np.where(reflected, 0.0, radicand))
     bend = (n_out**2 - n_in**2) / np.where(root + normal_part > 0, root + normal_part, 1.0)
+    gradient = crossing.gradient
     normal = sense * gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
     bent = n_in * direction + bend[:, None] * normal
     return bent / np.linalg.norm(bent, axis=1, keepdims=True), reflected

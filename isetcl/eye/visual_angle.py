@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from isetcl.eye.field import FieldMap
-from isetcl.eye.model import Retina
+from isetcl.eye.retina import Retina
 
 
 def retinal_scale(

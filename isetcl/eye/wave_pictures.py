@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isetcl.errors import check_positive
+from isetcl.errors import check_between, check_positive
 from isetcl.eye.diffraction_psf import DiffractionPsf
 from isetcl.eye.picture_parts import (
     FIELD_COLOURS,
     axes_or_new,
     dress,
+    field_name,
     figure_or_new,
     round_length,
     scale_bar,
 )
-from isetcl.eye.wavefront import Wavefront
+from isetcl.eye.wavefront import Wavefront, without_plane
 from isetcl.eye.zernike import ZernikeFit, osa_nm
 
 if TYPE_CHECKING:
@@ -47,14 +48,13 @@ _CONTOURS = 9
 
 
 def draw_opd(front: Wavefront, ax: Axes | None = None) -> Axes:
-    """The wavefront error over the entrance pupil, um, with contours; returns the axes.
+    """The wavefront error without piston and tilt, um, with contours; returns the axes.
 
     The grid is even in the direction of travel at the retina; mm of the entrance pupil are its mean
     scale.
     """
     axes = axes_or_new(ax)
-    # Piston says nothing; without it the colours are used better.
-    values = front.opd_um - np.sum(front.flux[front.inside] * front.opd_um[front.inside])
+    values = _without_tilt(front)
     limit = float(np.nanmax(np.abs(values), initial=1e-12))
     x, y = _pupil_mm(front)
     drawn = axes.imshow(values, extent=_extent(x, y), cmap="RdBu_r", vmin=-limit, vmax=limit)
@@ -65,8 +65,19 @@ def draw_opd(front: Wavefront, ax: Axes | None = None) -> Axes:
     axes.figure.colorbar(drawn, ax=axes, label="wavefront error (µm)", shrink=0.85)
     axes.set_xlabel("entrance pupil, x (mm)")
     axes.set_ylabel("entrance pupil, y (mm)")
-    axes.set_title(f"RMS {front.rms_um:.3g} µm, {front.wavelength_nm:g} nm", fontsize="medium")
+    name = field_name(front.field_deg)
+    title = f"{name}: RMS {front.rms_um:.3g} µm, {front.wavelength_nm:g} nm"
+    axes.set_title(title, fontsize="medium")
     return axes
+
+
+def _without_tilt(front: Wavefront) -> np.ndarray:
+    """W less its plane, which only moves the image, um, (n, n)."""
+    used = front.inside
+    x, y = np.meshgrid(front.x_cpd, front.y_cpd)
+    values = np.full(used.shape, np.nan)
+    values[used] = without_plane(front.opd_um[used], x[used], y[used], front.flux[used])
+    return values
 
 
 def _pupil_mm(front: Wavefront) -> tuple[np.ndarray, np.ndarray]:
@@ -111,7 +122,13 @@ def draw_wavefront(
     return chosen
 
 
-def draw_psf(psf: DiffractionPsf, ax: Axes | None = None, *, decades: float | None = None) -> Axes:
+def draw_psf(
+    psf: DiffractionPsf,
+    ax: Axes | None = None,
+    *,
+    decades: float | None = None,
+    share: float | None = None,
+) -> Axes:
     """A point spread function with a scale bar; returns the axes.
 
     Parameters
@@ -122,22 +139,41 @@ def draw_psf(psf: DiffractionPsf, ax: Axes | None = None, *, decades: float | No
         Matplotlib axes; None makes a new figure.
     decades
         None draws it linearly; a number draws its logarithm down to so many decades below the peak.
+    share
+        Shows only the square about the middle of the light that holds this share of it, 0 to 1.
     """
     axes = axes_or_new(ax)
-    values, label = psf.relative, "PSF / peak without aberrations"
+    values, label = psf.relative, "relative to a perfect peak"
     if decades is not None:
         reach = check_positive("decades", decades)
         values = np.log10(np.maximum(values, values.max() * 10.0**-reach))
-        label = "log10 of " + label
+        label = "log10, " + label
     drawn = axes.imshow(values, extent=_extent(psf.x_arcmin, psf.y_arcmin), cmap="inferno")
     width = psf.pitch_arcmin * len(psf.x_arcmin)
-    scale_bar(axes, round_length(width / 4.0), "white")
+    if share is not None:
+        x, y, half = _middle(psf, check_between("share", share, 0.0, 1.0))
+        axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
+        axes.set_facecolor("black")
+        width = 2.0 * half
+    scale_bar(axes, round_length(width / 3.0), "white")
     axes.set_xticks([])
     axes.set_yticks([])
     axes.figure.colorbar(drawn, ax=axes, label=label, shrink=0.85)
-    title = f"largest {psf.relative.max():.3g}, {psf.wavelength_nm:g} nm"
+    title = f"peak {psf.relative.max():.3g}, {psf.wavelength_nm:g} nm"
     axes.set_title(title, fontsize="medium")
     return axes
+
+
+def _middle(psf: DiffractionPsf, share: float) -> tuple[float, float, float]:
+    """Centre of the light and half the side of the square about it that holds a share, arcmin."""
+    x, y = np.meshgrid(psf.x_arcmin, psf.y_arcmin)
+    weight = psf.density_per_arcmin2 / np.sum(psf.density_per_arcmin2)
+    middle = float(np.sum(weight * x)), float(np.sum(weight * y))
+    distance = np.maximum(np.abs(x - middle[0]), np.abs(y - middle[1])).ravel()
+    order = np.argsort(distance)
+    held = np.cumsum(weight.ravel()[order])
+    last = min(int(np.searchsorted(held, share)), len(order) - 1)
+    return *middle, float(distance[order[last]])
 
 
 def _extent(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float, float]:
