@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from isetcl.device.huygens import huygens_psf
 from isetcl.errors import (
     DeviceError,
     FileError,
@@ -152,6 +153,7 @@ __all__ = [
     "display_primaries",
     "eyes",
     "glass",
+    "huygens_psf",
     "load_cube",
     "load_eye",
     "load_image",

@@ -16,6 +16,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
+from isetcl.eye.pictures import EyePictures
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
@@ -51,7 +52,7 @@ class AccommodationModel(Protocol):
 
 
 @dataclass(frozen=True)
-class Eye:
+class Eye(EyePictures):
     """A sequential model eye.
 
     Parameters
@@ -509,19 +510,19 @@ class Eye:
         )
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the section of the eye with rays from infinity; returns the axes.
+        """Draw the section of the eye with rays; returns the axes.
 
         Parameters
         ----------
         ax
             Matplotlib axes; None makes a new figure.
         options
-            `fields_deg`, `wavelength_nm` and `rays` of `isetcl.eye.drawing.draw_eye`.
+            Those of `isetcl.eye.drawing.draw_eye`.
         """
         from isetcl.eye import drawing
 
         for name in options:
-            check_choice("option of plot", name, ("fields_deg", "wavelength_nm", "rays"))
+            check_choice("option of plot", name, drawing.OPTIONS)
         return drawing.draw_eye(self, ax, **options)
 
     def describe(self) -> dict[str, Any]:
