@@ -7,8 +7,8 @@ import pytest
 from oracles import bounce_numbers, concentric, owen_sobol, sobol_integers
 
 from isetcl.device import program
+from isetcl.device.elements import ELEMENT
 from isetcl.device.layout import real_dtype
-from isetcl.device.tracer import ELEMENT
 from isetcl.render import pack
 from isetcl.render.kernel_config import KernelConfig
 

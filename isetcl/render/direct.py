@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.device import program
+from isetcl.device.elements import pack_eye, travel_order
 from isetcl.device.layout import real_dtype
-from isetcl.device.tracer import pack_elements, travel_order
 from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack
@@ -108,14 +108,15 @@ class DirectPipeline:
             travel_order(elements(plan.eye, band.wavelength_nm), "scene")
             for band in plan.band_choice.bands
         ]
-        packed = [pack_elements(sequence, "scene", precision) for sequence in sequences]
+        packed = pack_eye(sequences, "scene", precision)
         indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
         assert isinstance(plan.images, tuple)
         scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)
         return (
             self._upload(pack.pack_pupils(plan.pupils, indices, precision)),
-            self._upload(np.concatenate(packed)),
+            self._upload(packed.elements),
             np.int32(len(sequences[0])),
+            self._upload(packed.table),
             *(
                 self._upload(scene[name])
                 for name in ("scene", "patches", "spheres", "materials", "images", "texels")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
-from isetcl.device.tracer import declarations as ray_declarations
 from isetcl.eye.exit_pupil import ExitPupilBound
 from isetcl.eye.polynomial import MAX_TERMS
 from isetcl.render.kernel_config import KernelConfig, MaterialKind

@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 
 from isetcl.device.choose import find_device
+from isetcl.device.elements import has_conics, travel_order
 from isetcl.device.layout import Precision
-from isetcl.device.tracer import RayTracer, has_conics, travel_order
+from isetcl.device.tracer import RayTracer
 from isetcl.errors import (
     InvalidInputError,
     check_array,

@@ -17,8 +17,9 @@ typedef struct {
  * Lost rays have weight 0. The same samples as the direct pipeline draws.
  */
 INLINE void start_group(constant camera_t *camera, constant pupil_t *pupil,
-                        constant element_t *elements, int n_elements, int first_pixel,
-                        uint sample, uint stream, startv *start) {
+                        constant element_t *elements, int n_elements,
+                        global const real *eye_table, int first_pixel, uint sample, uint stream,
+                        startv *start) {
   intv x;
   intv y = divide(first_pixel + int_from_uint(lane_numbers()), camera->tile_width, &x);
   uintv row = uint_from_int(y) + (uint)camera->tile_y;
@@ -34,7 +35,7 @@ INLINE void start_group(constant camera_t *camera, constant pupil_t *pupil,
   rayv ray;
   retinal_point(camera, gx, gy, s, &ray);
   realv carried = aim_at_pupil(camera, pupil, gx, gy, s, u, v, &ray);
-  maskv passed = leave_eye(&ray, elements, n_elements);
+  maskv passed = leave_eye(&ray, elements, n_elements, eye_table);
   const real scale = pupil->inverse_object_index;
   start->ox = passed ? ray.x * R(1e-3) : (realv)0;
   start->oy = passed ? ray.y * R(1e-3) : (realv)0;
