@@ -27,9 +27,12 @@ from isetcl.eye.media import (
     SellmeierDispersion,
 )
 from isetcl.eye.model import Eye
+from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.placement import Placement
 from isetcl.eye.rays import RayBundle, RayStatus
+from isetcl.eye.ray_bending import Hurb
 from isetcl.eye.retina import Retina
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
@@ -97,6 +100,7 @@ __all__ = [
     "FocusError",
     "Grid",
     "HeightMap",
+    "Hurb",
     "Image",
     "Instance",
     "InvalidInputError",
@@ -108,6 +112,7 @@ __all__ = [
     "Mirror",
     "Mix",
     "NavarroDispersion",
+    "OcularMedia",
     "OutOfMemoryError",
     "PinholeView",
     "Placement",
@@ -119,6 +124,7 @@ __all__ = [
     "Retina",
     "RetinalGrid",
     "RetinalImage",
+    "ScatterModel",
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
@@ -143,6 +149,7 @@ __all__ = [
     "load_mesh_scene",
     "load_scene",
     "load_spd",
+    "ocular_transmittance",
     "pinhole",
     "plan",
     "psf_baseline",

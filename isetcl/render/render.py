@@ -11,6 +11,7 @@ import numpy as np
 from isetcl.device.layout import Precision
 from isetcl.errors import check_count, check_type
 from isetcl.eye.model import Eye
+from isetcl.eye.ocular_media import OcularMedia
 from isetcl.render.device_scene import DeviceScene
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.film import Film
@@ -40,6 +41,7 @@ def render(
     precision: Precision | Literal["auto"] = "auto",
     max_bounces: int = DEFAULT_BOUNCES,
     layers: bool = False,
+    media: OcularMedia | None = None,
     seed: int = 0,
     device: str | None = None,
     progress: bool | ProgressCallback | None = None,
@@ -80,6 +82,8 @@ def render(
         Add what the pixels' chief rays meet as layers of the result: ``distance_m``, ``object``,
         ``material``, ``position_m``, ``normal`` and ``albedo`` (see `PinholeView`), beside
         ``vergence_dpt``, which every image has.
+    media
+        Ocular media whose transmittance multiplies the spectrum; None is clear media.
     seed
         Images of different seeds are independent.
     device
@@ -116,6 +120,7 @@ def render(
         max_bounces=max_bounces,
         expected_error=goal.expected_error(),
         device=device,
+        media=media,
     )
     check_memory(prepared)
     is_direct = isinstance(prepared.config, KernelConfig)
