@@ -29,8 +29,8 @@ from isetcl.eye.media import (
 from isetcl.eye.model import Eye
 from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.placement import Placement
-from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.ray_bending import Hurb
+from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
 from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.shapes.biconic import Biconic

@@ -81,9 +81,7 @@ def add_bends(
         blocks[i, Bend.FRACTION] = 0.0 if scatter is None else scatter.fraction
         blocks[i, Bend.SCATTER_TABLE] = tables + len(airy) - begin
     more = np.concatenate([blocks.ravel(), airy, veil]).astype(dtype)
-    return dataclasses.replace(
-        packed, elements=records, table=np.concatenate([packed.table, more])
-    )
+    return dataclasses.replace(packed, elements=records, table=np.concatenate([packed.table, more]))
 
 
 def half_tangents(scatter: ScatterModel) -> np.ndarray:

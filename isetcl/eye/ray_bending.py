@@ -161,7 +161,7 @@ class Hurb:
         return np.asarray(2.0 * v * (j1(2.0 * v[..., None] * s) @ (weight * self.otf(s, index))))
 
     def peak_ratio(self, index: float = 1.0) -> float:
-        """Peak of the pattern over that of the Airy pattern, 8 times the integral of OTF(s) s ds."""
+        """Peak of the pattern over that of the Airy pattern: 8 integral OTF(s) s ds."""
         s, weight = self._frequencies(index)
         return float(8.0 * (weight * s) @ self.otf(s, index))
 

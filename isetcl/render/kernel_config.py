@@ -82,21 +82,25 @@ class KernelConfig:
 
     def defines(self, device: Device) -> dict[str, int]:
         """The #defines, those of the device included."""
-        return device.defines(self.precision, self.vector_width) | bend_defines(self) | {
-            "N_BASIS": self.n_basis,
-            "HAS_CONICS": int(self.has_conics),
-            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-            "HAS_FAR_SIDE": int(self.has_far_side),
-            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
-            "HAS_PATCHES": int(self.has_patches),
-            "HAS_DISCS": int(self.has_discs),
-            "HAS_SPHERES": int(self.has_spheres),
-            "HAS_TEXTURED_SPHERES": int(self.has_textured_spheres),
-            "HAS_CHECKERBOARDS": int(self.has_checkerboards),
-            "HAS_IMAGES": int(self.has_images),
-            "TEXTURE_CHANNELS": self.texture_channels,
-            "TEXTURE_PACKED": int(self.is_texture_packed),
-        }
+        return (
+            device.defines(self.precision, self.vector_width)
+            | bend_defines(self)
+            | {
+                "N_BASIS": self.n_basis,
+                "HAS_CONICS": int(self.has_conics),
+                "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+                "HAS_FAR_SIDE": int(self.has_far_side),
+                "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
+                "HAS_PATCHES": int(self.has_patches),
+                "HAS_DISCS": int(self.has_discs),
+                "HAS_SPHERES": int(self.has_spheres),
+                "HAS_TEXTURED_SPHERES": int(self.has_textured_spheres),
+                "HAS_CHECKERBOARDS": int(self.has_checkerboards),
+                "HAS_IMAGES": int(self.has_images),
+                "TEXTURE_CHANNELS": self.texture_channels,
+                "TEXTURE_PACKED": int(self.is_texture_packed),
+            }
+        )
 
 
 SAMPLES_AT_ONCE = 8
@@ -210,12 +214,16 @@ class PathConfig:
 
     def eye_defines(self, device: Device, width: int) -> dict[str, int]:
         """The #defines of the stage that leaves the eye, those of the device included."""
-        return device.defines(self.precision, width) | bend_defines(self) | {
-            "HAS_CONICS": int(self.has_conics),
-            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-            "HAS_FAR_SIDE": int(self.has_far_side),
-            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
-        }
+        return (
+            device.defines(self.precision, width)
+            | bend_defines(self)
+            | {
+                "HAS_CONICS": int(self.has_conics),
+                "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+                "HAS_FAR_SIDE": int(self.has_far_side),
+                "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
+            }
+        )
 
     def path_defines(self, device: Device) -> dict[str, int]:
         """The #defines of the stages that follow paths, those of the device included."""

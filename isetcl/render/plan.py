@@ -34,7 +34,7 @@ from isetcl.render.kernel_config import (
     PathConfig,
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
-from isetcl.render.plan_bends import Bends, decide_bends
+from isetcl.render.plan_bends import NO_BENDS, Bends, decide_bends
 from isetcl.render.plan_paths import (
     check_mesh_memory,
     check_spectra,
@@ -106,7 +106,7 @@ class Plan:
     tile: tuple[int, int]
     device: Device
     media: OcularMedia | None = None
-    bends: Bends = Bends()
+    bends: Bends = NO_BENDS
 
     def explain(self) -> str:
         """The decisions as a table: what, how, why."""
@@ -199,7 +199,7 @@ def plan(
     _decide_media(media, wavelengths, notes)
     bends = decide_bends(eye, grid, wavelengths, diffraction, scatter, notes)
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
-    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, notes)
+    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, bends, notes)
     if not is_direct:
         choice = split_bands(choice, wavelengths, WAVELENGTHS_AT_ONCE)
     pupils = tuple(
@@ -219,8 +219,8 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, bends, notes),  # type: ignore[arg-type]
-            **_decide_shapes(scene, notes),
+            **_decide_eye(eye, pupils, bends, notes),
+            **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
     else:
@@ -301,9 +301,13 @@ def _decide_bands(
     wavelengths_nm: np.ndarray,
     bands: int | Literal["auto"],
     expected_error: float,
+    bends: Bends,
     notes: list[Decision],
 ) -> BandChoice:
-    choice = choose_bands(eye, grid, wavelengths_nm, bands, expected_error)
+    has_diffraction = bends.diffraction is not None
+    choice = choose_bands(
+        eye, grid, wavelengths_nm, bands, expected_error, has_diffraction=has_diffraction
+    )
     count = len(choice.bands)
     if len(wavelengths_nm) == 1:
         reason = "the image has one wavelength"

@@ -60,6 +60,9 @@ class Bends:
         }
 
 
+NO_BENDS = Bends()
+
+
 def decide_bends(
     eye: Eye,
     grid: RetinalGrid,

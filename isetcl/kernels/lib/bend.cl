@@ -52,13 +52,14 @@ INLINE void draw_bends(uint sample, uintv pixel_stream, bendsv *bends) {
 INLINE realv table_between(global const real *table, int n, realv place) {
   realv last = (realv)(real)(n - 2);
   intv cell = int_from_real(place < last ? place : last);
-  realv low, high;
+  lanesv_t low, high;
+#pragma unroll
   for (int i = 0; i < WIDTH; ++i) {
     global const real *at = table + LANE(cell, i);
-    LANE(low, i) = at[0];
-    LANE(high, i) = at[1];
+    low.lane[i] = at[0];
+    high.lane[i] = at[1];
   }
-  return mul_add(place - real_from_int(cell), high - low, low);
+  return mul_add(place - real_from_int(cell), high.all - low.all, low.all);
 }
 
 #if HAS_DIFFRACTION
