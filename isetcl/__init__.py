@@ -35,6 +35,7 @@ from isetcl.eye.media import (
 from isetcl.eye.model import Eye
 from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.placement import Placement
+from isetcl.eye.ray_bending import Hurb
 from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
 from isetcl.eye.scatter import ScatterModel
@@ -108,6 +109,7 @@ __all__ = [
     "FocusError",
     "Grid",
     "HeightMap",
+    "Hurb",
     "Image",
     "Instance",
     "IntraocularLens",
