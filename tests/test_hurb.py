@@ -78,9 +78,7 @@ def test_peaks_scale_as_one_over_gamma_squared(axes, peak):
         assert Hurb(axes, gamma).peak_ratio() == pytest.approx(peak / gamma**2, rel=1e-5)
 
 
-@pytest.mark.parametrize(
-    "axes, gamma, rms", [("iset3d", 1.219, 0.062), ("optrace", 1.116, 0.059)]
-)
+@pytest.mark.parametrize("axes, gamma, rms", [("iset3d", 1.219, 0.062), ("optrace", 1.116, 0.059)])
 def test_the_best_gamma_is_the_published_one(axes, gamma, rms):
     from scipy.optimize import minimize_scalar
 

@@ -19,7 +19,8 @@ from isetcl.device.choose import find_device
 from isetcl.device.devices import Device
 from isetcl.device.layout import Precision
 from isetcl.errors import check_choice, check_count, check_type
-from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
+from isetcl.eye.exit_pupil import ExitPupilBound
+from isetcl.eye.exit_pupil_plane import PlanePupilBound, pupil_bounds
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
@@ -76,7 +77,7 @@ class Plan:
         Groups of wavelengths that share a trace.
     basis : SpectralBasis or None
         The spectra that span the scene; None where paths carry wavelengths.
-    pupils : tuple of ExitPupilBound
+    pupils : tuple of ExitPupilBound or PlanePupilBound
         One for each band.
     images : tuple of Image or None, or dict
         For each object the picture as it is uploaded; of the path pipeline, pictures averaged down
@@ -99,7 +100,7 @@ class Plan:
     wavelengths_nm: np.ndarray
     band_choice: BandChoice
     basis: SpectralBasis | None
-    pupils: tuple[ExitPupilBound, ...]
+    pupils: tuple[ExitPupilBound | PlanePupilBound, ...]
     images: tuple[Image | None, ...] | dict[str, Image]
     config: KernelConfig | PathConfig
     decisions: tuple[Decision, ...]
@@ -202,10 +203,8 @@ def plan(
     choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, bends, notes)
     if not is_direct:
         choice = split_bands(choice, wavelengths, WAVELENGTHS_AT_ONCE)
-    pupils = tuple(
-        exit_pupil_bound(eye, band.wavelength_nm, grid.field_map, grid.limit_deg)
-        for band in choice.bands
-    )
+    waves = [band.wavelength_nm for band in choice.bands]
+    pupils = pupil_bounds(eye, waves, grid.field_map, grid.rectangle, grid.limit_deg)
     if is_direct:
         shown = [_uploaded_image(scene, i, grid, notes) for i in range(len(scene.objects))]
         images: tuple[Image | None, ...] | dict[str, Image] = tuple(shown)
@@ -281,7 +280,7 @@ def _decide_precision(
         reason = f"single would displace the surface of {huge[0]!r} by 1e-4 of its distance"
         notes.append(Decision("precision", "double", reason))
         return "double"
-    pixel_um = 1000.0 * min(grid.pitch_deg) * float(grid.field_map.mm_per_deg(0.0))
+    pixel_um = 1000.0 * min(grid.pitch_deg) * grid.field_map.axial_scale_mm_per_deg()
     reason = f"rounding moves rays by 0.005 um at most, a pixel is {pixel_um:.3g} um wide"
     notes.append(Decision("precision", "single", reason))
     return "single"
@@ -359,7 +358,10 @@ def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
 
 
 def _decide_eye(
-    eye: Eye, pupils: tuple[ExitPupilBound, ...], bends: Bends, notes: list[Decision]
+    eye: Eye,
+    pupils: tuple[ExitPupilBound | PlanePupilBound, ...],
+    bends: Bends,
+    notes: list[Decision],
 ) -> dict[str, Any]:
     conic = [s.name for s in eye.surfaces if s.conic != 0 and s.curvature != 0]
     fill = min(p.fill for p in pupils)
@@ -380,6 +382,13 @@ def _decide_eye(
             eye.retina.conic != 0,
             "the retina is not a sphere",
             "the retina is a sphere",
+        ),
+        "has_asymmetry": left_out(
+            notes,
+            "two field angles",
+            not eye.is_rotational,
+            ", ".join(eye.asymmetries()),
+            "the eye is a figure of revolution: one field angle tells all",
         ),
         "has_far_side": left_out(
             notes,
