@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 
 import isetcl as ic
+from isetcl import ArtificialPupil, ContactLens, IntraocularLens, SpectacleLens
 from isetcl.errors import InvalidInputError
-from isetcl.eye.artificial_pupil import ArtificialPupil
-from isetcl.eye.contact_lens import ContactLens
-from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.sequential import trace
-from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.worn_lens import POWER_WAVELENGTH_NM
 
 UNIT = ic.Spectrum.constant(1.0)
@@ -234,3 +231,27 @@ def test_an_image_may_be_centred_on_the_fovea():
 def test_impossible_lenses_are_refused(make, match):
     with pytest.raises(InvalidInputError, match=match):
         make()
+
+
+def test_a_corrected_eye_accommodates_behind_its_lens():
+    """A -4 dpt eye behind its spectacles focuses at 0.5 m by accommodating less than 2 dpt."""
+    eye = ic.eyes.navarro(3.0).with_spectacle_refraction(-4.0, vertex_distance_mm=12.0)
+    worn = eye.with_fovea((-5.0, 0.0)).changed(SpectacleLens(-4.0)).with_pupil(2.5)
+    near = worn.focus_at(0.5)
+    assert near.focus_vergence_dpt() == pytest.approx(2.0, abs=1e-5)
+    assert near.surfaces[0].name == "spectacle lens front"
+    assert (near.fovea_deg, near.stop.diameter_mm) == ((-5.0, 0.0), 2.5)
+    emmetropic = ic.eyes.navarro(3.0).with_spectacle_refraction(0.0).focus_at(0.5)
+    assert near.accommodation_parameter < emmetropic.accommodation_parameter
+
+
+def test_a_lens_in_front_is_rendered():
+    """A uniform scene keeps its radiance through any lens; only the pupil's image changes."""
+    eye = ic.eyes.navarro(3.0)
+    for worn in (eye.changed(SpectacleLens(-6.0)), eye.changed(ContactLens(4.0))):
+        scene = ic.scenes.uniform(100.0)
+        options = {"fov_deg": 2.0, "resolution": 4, "wavelengths_nm": [550.0], "spp": 64}
+        image = ic.render(scene, worn, **options).irradiance.values
+        # E = pi (n'/n)^2 L sin^2(theta'): behind the stop nothing has changed.
+        bare = ic.render(scene, eye, **options).irradiance.values
+        assert image == pytest.approx(bare, rel=2e-5)

@@ -29,6 +29,7 @@ ELEMENT = Struct(
         Member("index_step"),
         Member("renormalise"),
         Member("aperture2"),
+        Member("bend", "int"),
     ),
 )
 """Constants of an element for one direction of travel, prepared in float64."""

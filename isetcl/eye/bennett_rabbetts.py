@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isetcl.errors import check_between
+from isetcl.errors import check_between, check_positive, check_type
 from isetcl.eye.accommodation import accommodated
 from isetcl.eye.build import CORNEA_SEMI_DIAMETERS_MM, Face, PupilSpec, lens_surfaces, medium
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
@@ -46,6 +46,11 @@ class BennettRabbettsModel:
 
     pupil: PupilSpec
     abbe_number: float | None = None
+
+    def __post_init__(self) -> None:
+        check_type("pupil", self.pupil, PupilSpec)
+        if self.abbe_number is not None:
+            check_positive("abbe_number", self.abbe_number)
 
     @property
     def parameter_range(self) -> tuple[float, float]:

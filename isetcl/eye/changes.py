@@ -21,12 +21,10 @@ from isetcl.errors import (
     check_positive,
 )
 from isetcl.eye import paraxial
-from isetcl.eye.build import PupilSpec
 from isetcl.eye.model import (
     REFERENCE_WAVELENGTH_NM,
     AccommodationModel,
     Eye,
-    PupilPlane,
 )
 from isetcl.eye.surface import Surface
 from isetcl.units import MM_PER_M
@@ -136,7 +134,17 @@ class AlteredModel:
     changes: tuple[EyeChange, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "changes", tuple(self.changes))
+        changes = tuple(self.changes)
+        object.__setattr__(self, "changes", changes)
+        if not hasattr(self.base, "parameter_range"):
+            raise InvalidInputError(
+                f"altered model: base must be a family of eyes, got {type(self.base).__name__}"
+            )
+        for change in changes:
+            if not hasattr(change, "apply"):
+                raise InvalidInputError(
+                    f"altered model: changes must have `apply`, got {type(change).__name__}"
+                )
 
     @property
     def parameter_range(self) -> tuple[float, float]:
@@ -152,10 +160,13 @@ class AlteredModel:
 
 
 def altered(eye: Eye, change: EyeChange) -> Eye:
-    """The eye with a change, and with every eye that it can accommodate to changed alike."""
+    """The eye with a change, and with every eye that it can accommodate to changed alike.
+
+    A change that takes the accommodation away, as another lens does, ends it.
+    """
     changed = change.apply(eye)
     model = eye.accommodation_model
-    if model is None:
+    if model is None or changed.accommodation_model is None:
         return changed
     if isinstance(model, AlteredModel):
         family = AlteredModel(model.base, (*model.changes, change))
@@ -240,9 +251,15 @@ def with_cornea(eye: Eye, change: CorneaChange) -> Eye:
     return altered(eye, change)
 
 
-def with_pupil(eye: Eye, diameter_mm: float, plane: PupilPlane = "stop") -> Eye:
-    """The eye with another pupil; see `Eye.with_pupil`."""
-    return altered(eye, PupilSpec(diameter_mm, plane))
+@dataclass(frozen=True)
+class FoveaChange:
+    """Another place of the fovea: the field angles (x, y) it sees, degrees."""
+
+    fovea_deg: tuple[float, float]
+
+    def apply(self, eye: Eye) -> Eye:
+        """The eye with its fovea there."""
+        return dataclasses.replace(eye, fovea_deg=self.fovea_deg)
 
 
 def cornea_indices(eye: Eye) -> tuple[int, int | None]:

@@ -268,6 +268,59 @@ class SellmeierDispersion:
 
 
 @dataclass(frozen=True)
+class PowerDispersion:
+    """Dispersion as a sum of powers, n = sum of c_i l^(p_i), l in nm.
+
+    Parameters
+    ----------
+    coefficients
+        c_i, in nm^(-p_i).
+    exponents
+        p_i, as many: (0, -2, -4, -6) is Cauchy's series, (0, 1, 2) a parabola.
+
+    Raises
+    ------
+    InvalidInputError
+        If the lists differ in length, or an index between 380 and 780 nm is below 1.
+    """
+
+    coefficients: tuple[float, ...]
+    exponents: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("coefficients", "exponents"):
+            values = check_array(f"power dispersion: {name}", getattr(self, name))
+            if values.ndim != 1 or values.size == 0 or not np.all(np.isfinite(values)):
+                raise InvalidInputError(
+                    f"power dispersion: {name} must be a list of finite numbers, got "
+                    f"{values.tolist()}"
+                )
+            object.__setattr__(self, name, tuple(values.tolist()))
+        if len(self.coefficients) != len(self.exponents):
+            raise InvalidInputError(
+                "power dispersion: coefficients and exponents must be of one length, got "
+                f"{len(self.coefficients)} and {len(self.exponents)}"
+            )
+        lowest = float(np.min(self.evaluate(np.linspace(*self.range_nm, 401))))
+        if not lowest >= 1.0:
+            raise InvalidInputError(
+                f"power dispersion: the index must be >= 1 from 380 to 780 nm, got {lowest:g}; "
+                "check the units: nm"
+            )
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """The visible range, nm."""
+        return (380.0, 780.0)
+
+    def evaluate(self, wavelength_nm: np.ndarray) -> np.ndarray:
+        """Refractive index, shape of the input."""
+        wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+        terms = (c * wavelength**p for c, p in zip(self.coefficients, self.exponents, strict=True))
+        return np.asarray(sum(terms))
+
+
+@dataclass(frozen=True)
 class TabulatedDispersion:
     """Dispersion given by a table, with straight lines between its rows.
 

@@ -16,14 +16,17 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
+from isetcl.eye.pictures import EyePictures
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
-    from isetcl.eye.changes import ChamberStart, ShiftHold
+    from isetcl.eye.changes import ChamberStart, EyeChange, ShiftHold
     from isetcl.eye.field import FieldMap
     from isetcl.eye.field_plane import FieldPlane
     from isetcl.eye.paraxial import CardinalPoints, Pupil
@@ -50,7 +53,7 @@ class AccommodationModel(Protocol):
 
 
 @dataclass(frozen=True)
-class Eye:
+class Eye(EyePictures):
     """A sequential model eye.
 
     Parameters
@@ -301,7 +304,34 @@ class Eye:
 
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
 
-    def with_pupil(self, diameter_mm: float, plane: PupilPlane = "stop") -> Eye:
+    def changed(self, change: EyeChange) -> Eye:
+        """The eye with a change, in every state of accommodation.
+
+        Parameters
+        ----------
+        change
+            A lens in front of the eye or in it (`SpectacleLens`, `ContactLens`, `IntraocularLens`),
+            an `ArtificialPupil`, or anything else with a method `apply` from one eye to another.
+        """
+        from isetcl.eye import changes
+
+        return changes.altered(self, change)
+
+    def with_fovea(self, fovea_deg: tuple[float, float]) -> Eye:
+        """The eye with its fovea where the field angles (x, y) are seen, degrees."""
+        from isetcl.eye import changes
+
+        return changes.altered(self, changes.FoveaChange(fovea_deg))
+
+    def with_pupil(
+        self,
+        diameter_mm: float,
+        plane: PupilPlane = "stop",
+        *,
+        decentre_mm: tuple[float, float] | None = None,
+        aspect: float | None = None,
+        axis_deg: float | None = None,
+    ) -> Eye:
         """The eye with another pupil, in every state of accommodation.
 
         Parameters
@@ -310,10 +340,17 @@ class Eye:
             Diameter, mm; of an elliptical stop the longer one.
         plane
             ``"stop"`` (the iris) or ``"entrance"`` (what a clinician measures; paraxial at 550 nm).
+        decentre_mm
+            Middle of the stop (x, y), mm; None leaves it.
+        aspect
+            Shorter diameter over the longer one, 1 for a circle; None leaves it.
+        axis_deg
+            Direction of the longer diameter, degrees from +x towards +y; None leaves it.
         """
-        from isetcl.eye import changes
+        from isetcl.eye import build, changes
 
-        return changes.with_pupil(self, diameter_mm, plane)
+        pupil = build.PupilSpec(diameter_mm, plane, decentre_mm, aspect, axis_deg)
+        return changes.altered(self, pupil)
 
     def with_axial_length(self, axial_length_mm: float) -> Eye:
         """The eye with its retina moved so that it is this long, mm.
@@ -491,32 +528,61 @@ class Eye:
         )
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the section of the eye with rays from infinity; returns the axes.
+        """Draw the section of the eye with rays; returns the axes.
 
         Parameters
         ----------
         ax
             Matplotlib axes; None makes a new figure.
         options
-            `fields_deg`, `wavelength_nm` and `rays` of `isetcl.eye.drawing.draw_eye`.
+            Those of `isetcl.eye.drawing.draw_eye`.
         """
         from isetcl.eye import drawing
 
         for name in options:
-            check_choice("option of plot", name, ("fields_deg", "wavelength_nm", "rays"))
+            check_choice("option of plot", name, drawing.OPTIONS)
         return drawing.draw_eye(self, ax, **options)
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""
-        description = dataclasses.asdict(
-            dataclasses.replace(self, accommodation_model=None, accommodation_parameter=None)
-        )
+        from isetcl.eye.files.values import to_values
+
+        alone = dataclasses.replace(self, accommodation_model=None)
+        description: dict[str, Any] = to_values(alone, "eye", strict=False)
         del description["accommodation_model"]
-        description["accommodation_parameter"] = self.accommodation_parameter
-        for surface, described in zip(self.surfaces, description["surfaces"], strict=True):
-            kind = type(surface.medium_after.dispersion).__name__
-            described["medium_after"]["dispersion"]["kind"] = kind
         return description
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """The eye as JSON text, with every digit; `from_json` makes the same eye of it.
+
+        Parameters
+        ----------
+        path
+            A file to write too; None writes none.
+
+        Raises
+        ------
+        InvalidInputError
+            If the eye holds a medium, shape or accommodation model of the user's own making.
+        FileError
+            If the file cannot be written.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_to_json(self, path)
+
+    @staticmethod
+    def from_json(source: str | Path) -> Eye:
+        """The eye of a file that `to_json` wrote, or of its text (which begins with a brace).
+
+        Raises
+        ------
+        FileError
+            If the file is missing or breaks the format; the message names the place in it.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_from_json(source)
 
 
 def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:

@@ -82,7 +82,9 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
                        (realv)camera->top);
     rayv ray;
     realv weight = aim_from_retina(camera, pupil, eye_table, gx, gy, u, v, &ray);
-    maskv passed = leave_eye(&ray, sequence, n_elements, eye_table);
+    bendsv bends;
+    draw_bends(sample, pixel_stream, &bends);
+    maskv passed = leave_eye(&ray, sequence, n_elements, eye_table, &bends);
     weight = passed ? weight : (realv)0;
     realv colour[N_BASIS];
 #if HAS_SPHERES

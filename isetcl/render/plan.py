@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from isetcl.eye.exit_pupil_plane import PlanePupilBound, pupil_bounds
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.ray_bending import DiffractionChoice
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
 from isetcl.render.kernel_config import (
@@ -33,6 +35,7 @@ from isetcl.render.kernel_config import (
     PathConfig,
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
+from isetcl.render.plan_bends import NO_BENDS, Bends, decide_bends
 from isetcl.render.plan_paths import (
     check_mesh_memory,
     check_spectra,
@@ -87,6 +90,8 @@ class Plan:
     device : Device
     media : OcularMedia or None
         What multiplies the spectrum behind the eye's optics.
+    bends : Bends
+        Diffraction and scatter.
     """
 
     scene: Scene
@@ -102,6 +107,7 @@ class Plan:
     tile: tuple[int, int]
     device: Device
     media: OcularMedia | None = None
+    bends: Bends = NO_BENDS
 
     def explain(self) -> str:
         """The decisions as a table: what, how, why."""
@@ -155,6 +161,8 @@ def plan(
     device: str | None = None,
     pipeline: Literal["auto", "paths"] = "auto",
     media: OcularMedia | None = None,
+    diffraction: DiffractionChoice = "none",
+    scatter: ScatterModel | None = None,
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -190,8 +198,9 @@ def plan(
     chosen_device = find_device(device)
     notes: list[Decision] = []
     _decide_media(media, wavelengths, notes)
+    bends = decide_bends(eye, grid, wavelengths, diffraction, scatter, notes)
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
-    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, notes)
+    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, bends, notes)
     if not is_direct:
         choice = split_bands(choice, wavelengths, WAVELENGTHS_AT_ONCE)
     waves = [band.wavelength_nm for band in choice.bands]
@@ -209,8 +218,8 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, notes),
-            **_decide_shapes(scene, notes),
+            **_decide_eye(eye, pupils, bends, notes),
+            **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
     else:
@@ -219,7 +228,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
-            **_decide_eye(eye, pupils, notes),
+            **_decide_eye(eye, pupils, bends, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
@@ -237,6 +246,7 @@ def plan(
         tile,
         chosen_device,
         media,
+        bends,
     )
 
 
@@ -290,9 +300,13 @@ def _decide_bands(
     wavelengths_nm: np.ndarray,
     bands: int | Literal["auto"],
     expected_error: float,
+    bends: Bends,
     notes: list[Decision],
 ) -> BandChoice:
-    choice = choose_bands(eye, grid, wavelengths_nm, bands, expected_error)
+    has_diffraction = bends.diffraction is not None
+    choice = choose_bands(
+        eye, grid, wavelengths_nm, bands, expected_error, has_diffraction=has_diffraction
+    )
     count = len(choice.bands)
     if len(wavelengths_nm) == 1:
         reason = "the image has one wavelength"
@@ -344,8 +358,11 @@ def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
 
 
 def _decide_eye(
-    eye: Eye, pupils: tuple[ExitPupilBound | PlanePupilBound, ...], notes: list[Decision]
-) -> dict[str, bool]:
+    eye: Eye,
+    pupils: tuple[ExitPupilBound | PlanePupilBound, ...],
+    bends: Bends,
+    notes: list[Decision],
+) -> dict[str, Any]:
     conic = [s.name for s in eye.surfaces if s.conic != 0 and s.curvature != 0]
     fill = min(p.fill for p in pupils)
     notes.append(
@@ -383,10 +400,11 @@ def _decide_eye(
         "has_semi_diameters": left_out(
             notes,
             "clipping at surfaces",
-            any(p.clipped_elsewhere for p in pupils),
+            bends.diffraction is not None or any(p.clipped_elsewhere for p in pupils),
             "rays that pass the stop may miss or leave a surface",
             "every ray that passes the stop passes all surfaces",
         ),
+        **bends.features,
     }
 
 

@@ -33,7 +33,9 @@ INLINE void start_group(constant camera_t *camera, constant pupil_t *pupil,
                      (realv)camera->step_y, (realv)camera->top);
   rayv ray;
   realv carried = aim_from_retina(camera, pupil, eye_table, gx, gy, u, v, &ray);
-  maskv passed = leave_eye(&ray, elements, n_elements, eye_table);
+  bendsv bends;
+  draw_bends(sample, pixel_stream, &bends);
+  maskv passed = leave_eye(&ray, elements, n_elements, eye_table, &bends);
   const real scale = pupil->inverse_object_index;
   start->ox = passed ? ray.x * R(1e-3) : (realv)0;
   start->oy = passed ? ray.y * R(1e-3) : (realv)0;
