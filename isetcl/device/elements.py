@@ -40,6 +40,7 @@ ELEMENT = Struct(
         Member("index_step"),
         Member("renormalise"),
         Member("aperture2"),
+        Member("bend", "int"),
         Member("inverse_aspect"),
         Member("curvature_x"),
         Member("axial"),

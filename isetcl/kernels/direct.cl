@@ -84,7 +84,9 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
     rayv ray;
     retinal_point(camera, gx, gy, s, &ray);
     realv weight = aim_at_pupil(camera, pupil, gx, gy, s, u, v, &ray);
-    maskv passed = leave_eye(&ray, sequence, n_elements, eye_table);
+    bendsv bends;
+    draw_bends(sample, pixel_stream, &bends);
+    maskv passed = leave_eye(&ray, sequence, n_elements, eye_table, &bends);
     weight = passed ? weight : (realv)0;
     realv colour[N_BASIS];
 #if HAS_SPHERES

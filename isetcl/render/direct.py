@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.device import program
+from isetcl.device.bending import add_bends
 from isetcl.device.elements import pack_eye, travel_order
 from isetcl.device.layout import real_dtype
 from isetcl.errors import OutOfMemoryError
@@ -108,7 +109,14 @@ class DirectPipeline:
             travel_order(elements(plan.eye, band.wavelength_nm), "scene")
             for band in plan.band_choice.bands
         ]
-        packed = pack_eye(sequences, "scene", precision)
+        packed = add_bends(
+            pack_eye(sequences, "scene", precision),
+            sequences,
+            plan.eye.stop,
+            [band.wavelength_nm for band in plan.band_choice.bands],
+            diffraction=plan.bends.diffraction,
+            scatter=plan.bends.scatter,
+        )
         indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
         assert isinstance(plan.images, tuple)
         scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
 
 from isetcl.device.devices import Device
 from isetcl.device.eye_features import EyeFeatures
@@ -16,6 +17,22 @@ class MaterialKind(IntEnum):
     UNIFORM = 0
     CHECKERBOARD = 1
     IMAGE = 2
+
+
+BendKind = Literal["none", "airy", "iset3d", "optrace", "isotropic"]
+_HURB_AXES: tuple[BendKind, ...] = ("iset3d", "optrace", "isotropic")
+
+
+def bend_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
+    """The #defines of what bends rays inside the eye."""
+    numbers = {f"HURB_{name.upper()}": i for i, name in enumerate(_HURB_AXES)}
+    is_hurb = config.diffraction in _HURB_AXES
+    return numbers | {
+        "HAS_DIFFRACTION": int(config.diffraction != "none"),
+        "DIFFRACTION_AIRY": int(config.diffraction == "airy"),
+        "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
+        "HAS_SCATTER": int(config.has_scatter),
+    }
 
 
 @dataclass(frozen=True)
@@ -34,6 +51,8 @@ class KernelConfig(EyeFeatures):
         Some ray may cross a surface beyond its equator.
     has_semi_diameters
         Some ray that passes the stop may be clipped elsewhere.
+    diffraction, has_scatter
+        What bends rays: "none", "airy" or the axes of HURB; and scatter.
     has_patches, has_discs, has_spheres, has_textured_spheres
         Shapes in the scene.
     has_checkerboards, has_images
@@ -48,6 +67,8 @@ class KernelConfig(EyeFeatures):
     has_aspheric_retina: bool = True
     has_far_side: bool = True
     has_semi_diameters: bool = True
+    diffraction: BendKind = "none"
+    has_scatter: bool = False
     has_patches: bool = True
     has_discs: bool = True
     has_spheres: bool = True
@@ -59,21 +80,25 @@ class KernelConfig(EyeFeatures):
 
     def defines(self, device: Device) -> dict[str, int]:
         """The #defines, those of the device included."""
-        defines = device.defines(self.precision, self.vector_width) | self.eye_feature_defines()
-        return defines | {
-            "N_BASIS": self.n_basis,
-            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-            "HAS_FAR_SIDE": int(self.has_far_side),
-            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
-            "HAS_PATCHES": int(self.has_patches),
-            "HAS_DISCS": int(self.has_discs),
-            "HAS_SPHERES": int(self.has_spheres),
-            "HAS_TEXTURED_SPHERES": int(self.has_textured_spheres),
-            "HAS_CHECKERBOARDS": int(self.has_checkerboards),
-            "HAS_IMAGES": int(self.has_images),
-            "TEXTURE_CHANNELS": self.texture_channels,
-            "TEXTURE_PACKED": int(self.is_texture_packed),
-        }
+        return (
+            device.defines(self.precision, self.vector_width)
+            | self.eye_feature_defines()
+            | bend_defines(self)
+            | {
+                "N_BASIS": self.n_basis,
+                "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+                "HAS_FAR_SIDE": int(self.has_far_side),
+                "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
+                "HAS_PATCHES": int(self.has_patches),
+                "HAS_DISCS": int(self.has_discs),
+                "HAS_SPHERES": int(self.has_spheres),
+                "HAS_TEXTURED_SPHERES": int(self.has_textured_spheres),
+                "HAS_CHECKERBOARDS": int(self.has_checkerboards),
+                "HAS_IMAGES": int(self.has_images),
+                "TEXTURE_CHANNELS": self.texture_channels,
+                "TEXTURE_PACKED": int(self.is_texture_packed),
+            }
+        )
 
 
 SAMPLES_AT_ONCE = 8
@@ -120,7 +145,7 @@ class PathConfig(EyeFeatures):
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
     starts_given
         Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
-    has_aspheric_retina, has_far_side, has_semi_diameters
+    has_aspheric_retina, has_far_side, has_semi_diameters, diffraction, has_scatter
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
         Shapes in the scene; triangles in place, and those of instanced meshes.
@@ -152,6 +177,8 @@ class PathConfig(EyeFeatures):
     has_aspheric_retina: bool = True
     has_far_side: bool = True
     has_semi_diameters: bool = True
+    diffraction: BendKind = "none"
+    has_scatter: bool = False
     has_flats: bool = True
     has_balls: bool = True
     has_textured_balls: bool = True
@@ -187,6 +214,7 @@ class PathConfig(EyeFeatures):
         return (
             device.defines(self.precision, width)
             | self.eye_feature_defines()
+            | bend_defines(self)
             | {
                 "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
                 "HAS_FAR_SIDE": int(self.has_far_side),

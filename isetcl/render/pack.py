@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from isetcl.device.bending import declarations as bend_declarations
 from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.exit_pupil import ExitPupilBound
@@ -132,7 +133,7 @@ def sobol_declaration() -> str:
 
 def eye_declarations() -> str:
     """The C declarations of the camera."""
-    return CAMERA.c_declaration() + PUPIL.c_declaration()
+    return CAMERA.c_declaration() + PUPIL.c_declaration() + bend_declarations()
 
 
 def declarations(config: KernelConfig) -> str:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isetcl.device import program
+from isetcl.device.bending import add_bends
 from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.elements import pack_eye, travel_order
 from isetcl.device.layout import real_dtype
@@ -78,7 +79,14 @@ class PathPipeline:
         bands = plan.band_choice.bands
         sequences = [travel_order(elements(plan.eye, b.wavelength_nm), "scene") for b in bands]
         indices = np.array([(s[-1].n_before, s[0].n_after) for s in sequences])
-        packed = pack_eye(sequences, "scene", precision)
+        packed = add_bends(
+            pack_eye(sequences, "scene", precision),
+            sequences,
+            plan.eye.stop,
+            [band.wavelength_nm for band in plan.band_choice.bands],
+            diffraction=plan.bends.diffraction,
+            scatter=plan.bends.scatter,
+        )
         self._camera = pack.pack_camera(plan.grid, precision)
         self._camera_buffer = self._upload(self._camera)
         self._pupils = self._upload(pack.pack_pupils(plan.pupils, indices, precision))

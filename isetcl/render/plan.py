@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from isetcl.errors import check_choice, check_count, check_type
 from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
+from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.ray_bending import DiffractionChoice
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
 from isetcl.render.kernel_config import (
@@ -31,6 +34,7 @@ from isetcl.render.kernel_config import (
     PathConfig,
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
+from isetcl.render.plan_bends import NO_BENDS, Bends, decide_bends
 from isetcl.render.plan_eye import decide_eye_features
 from isetcl.render.plan_paths import (
     check_mesh_memory,
@@ -40,7 +44,7 @@ from isetcl.render.plan_paths import (
     path_images,
 )
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
@@ -84,6 +88,10 @@ class Plan:
     tile : (columns, rows)
         Largest piece of the image rendered by one launch.
     device : Device
+    media : OcularMedia or None
+        What multiplies the spectrum behind the eye's optics.
+    bends : Bends
+        Diffraction and scatter.
     """
 
     scene: Scene
@@ -98,6 +106,8 @@ class Plan:
     decisions: tuple[Decision, ...]
     tile: tuple[int, int]
     device: Device
+    media: OcularMedia | None = None
+    bends: Bends = NO_BENDS
 
     def explain(self) -> str:
         """The decisions as a table: what, how, why."""
@@ -110,8 +120,9 @@ class Plan:
     def expansion(self) -> np.ndarray:
         """Matrix from film channels (band, basis) to spectral irradiance, (wavelengths, channels).
 
-        A wavelength takes its band's film, its own spectra, and a factor for the small difference
-        of the eye's throughput on axis between the wavelength and its band.
+        A wavelength takes its band's film, its own spectra, a factor for the small difference of
+        the eye's throughput on axis between the wavelength and its band, and the transmittance of
+        the ocular media.
         """
         n_basis = self.config.n_basis
         matrix = np.zeros((len(self.wavelengths_nm), len(self.band_choice.bands) * n_basis))
@@ -124,7 +135,7 @@ class Plan:
                 else:
                     row = self.basis.spectra[:, i] * (own / traced)
                     matrix[i, b * n_basis : (b + 1) * n_basis] = row
-        return matrix
+        return matrix * transmittance_or_one(self.media, self.wavelengths_nm)[:, None]
 
     @property
     def has_light(self) -> bool:
@@ -141,7 +152,7 @@ def plan(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
@@ -149,6 +160,9 @@ def plan(
     expected_error: float = 0.01,
     device: str | None = None,
     pipeline: Literal["auto", "paths"] = "auto",
+    media: OcularMedia | None = None,
+    diffraction: DiffractionChoice = "none",
+    scatter: ScatterModel | None = None,
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -183,8 +197,10 @@ def plan(
         check_spectra(scene, wavelengths)
     chosen_device = find_device(device)
     notes: list[Decision] = []
+    _decide_media(media, wavelengths, notes)
+    bends = decide_bends(eye, grid, wavelengths, diffraction, scatter, notes)
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
-    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, notes)
+    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, bends, notes)
     if not is_direct:
         choice = split_bands(choice, wavelengths, WAVELENGTHS_AT_ONCE)
     pupils = tuple(
@@ -204,8 +220,8 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, grid.wavelength_nm, notes),
-            **_decide_shapes(scene, notes),
+            **_decide_eye(eye, pupils, grid.wavelength_nm, bends, notes),
+            **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
     else:
@@ -214,7 +230,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
-            **_decide_eye(eye, pupils, grid.wavelength_nm, notes),
+            **_decide_eye(eye, pupils, grid.wavelength_nm, bends, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
@@ -231,7 +247,22 @@ def plan(
         tuple(notes),
         tile,
         chosen_device,
+        media,
+        bends,
     )
+
+
+def _decide_media(
+    media: OcularMedia | None, wavelengths_nm: np.ndarray, notes: list[Decision]
+) -> None:
+    if media is None:
+        return
+    share = transmittance_or_one(media, wavelengths_nm)
+    reason = (
+        f"{media.age_years:g} years; {100 * share.min():.3g} to {100 * share.max():.3g} % of the "
+        "light comes through"
+    )
+    notes.append(Decision("ocular media", media.model, reason))
 
 
 def _decide_precision(
@@ -271,9 +302,13 @@ def _decide_bands(
     wavelengths_nm: np.ndarray,
     bands: int | Literal["auto"],
     expected_error: float,
+    bends: Bends,
     notes: list[Decision],
 ) -> BandChoice:
-    choice = choose_bands(eye, grid, wavelengths_nm, bands, expected_error)
+    has_diffraction = bends.diffraction is not None
+    choice = choose_bands(
+        eye, grid, wavelengths_nm, bands, expected_error, has_diffraction=has_diffraction
+    )
     count = len(choice.bands)
     if len(wavelengths_nm) == 1:
         reason = "the image has one wavelength"
@@ -325,8 +360,12 @@ def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
 
 
 def _decide_eye(
-    eye: Eye, pupils: tuple[ExitPupilBound, ...], wavelength_nm: float, notes: list[Decision]
-) -> dict[str, bool]:
+    eye: Eye,
+    pupils: tuple[ExitPupilBound, ...],
+    wavelength_nm: float,
+    bends: Bends,
+    notes: list[Decision],
+) -> dict[str, Any]:
     fill = min(p.fill for p in pupils)
     notes.append(
         Decision("pupil sampling", "exit pupil", f"{100 * fill:.3g} % of the rays pass the stop")
@@ -349,10 +388,11 @@ def _decide_eye(
         "has_semi_diameters": left_out(
             notes,
             "clipping at surfaces",
-            any(p.clipped_elsewhere for p in pupils),
+            bends.diffraction is not None or any(p.clipped_elsewhere for p in pupils),
             "rays that pass the stop may miss or leave a surface",
             "every ray that passes the stop passes all surfaces",
         ),
+        **bends.features,
     }
 
 

@@ -16,7 +16,7 @@ from isetcl.errors import check_count
 from isetcl.eye import paraxial
 from isetcl.eye.model import Eye
 from isetcl.retina.grid import RetinalGrid
-from isetcl.units import ARCMIN_PER_DEG, MM_PER_M
+from isetcl.units import ARCMIN_PER_DEG, MM_PER_M, NM_PER_M
 
 AUTO_LIMIT = 16
 """Most bands that "auto" chooses for the sake of pixels; the paper found 8 to 16 sufficient."""
@@ -59,6 +59,8 @@ def choose_bands(
     wavelengths_nm: np.ndarray,
     bands: int | Literal["auto"],
     expected_error: float = 0.01,
+    *,
+    has_diffraction: bool = False,
 ) -> BandChoice:
     """Contiguous bands over a wavelength grid.
 
@@ -74,6 +76,8 @@ def choose_bands(
         the eye is achromatic.
     expected_error
         Photopic relative error that the image will have from its samples.
+    has_diffraction
+        Count the growth of the diffraction pattern (lambda / D) with wavelength as displacement.
 
     Raises
     ------
@@ -82,6 +86,10 @@ def choose_bands(
     """
     count = len(wavelengths_nm)
     position = _chromatic_position(eye, grid, wavelengths_nm)
+    if has_diffraction:
+        # Both change monotonically; counted as if they added.
+        growth = _diffraction_position(eye, grid, wavelengths_nm)
+        position = position + (growth if position[-1] >= position[0] else -growth)
     cost = _interval_costs(wavelengths_nm, position)
     is_achromatic = bool(np.ptp(position) <= _ACHROMATIC_PIXELS)
     if not isinstance(bands, str) or bands != "auto":
@@ -136,6 +144,12 @@ def _chromatic_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray)
     span = np.ptp(longitudinal)
     share = longitudinal / span if span > 0 else np.zeros(len(wavelengths_nm))
     return (longitudinal + share * transverse_rad) / pixel_rad
+
+
+def _diffraction_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray) -> np.ndarray:
+    """Radius lambda / D of the diffraction pattern of each wavelength, in pixels."""
+    diameter_m = 2.0 * eye.entrance_pupil(grid.wavelength_nm).radius_mm / MM_PER_M
+    return np.asarray(wavelengths_nm / NM_PER_M / diameter_m / np.radians(min(grid.pitch_deg)))
 
 
 def _interval_costs(wavelengths_nm: np.ndarray, position: np.ndarray) -> np.ndarray:

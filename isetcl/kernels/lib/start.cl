@@ -35,7 +35,9 @@ INLINE void start_group(constant camera_t *camera, constant pupil_t *pupil,
   rayv ray;
   retinal_point(camera, gx, gy, s, &ray);
   realv carried = aim_at_pupil(camera, pupil, gx, gy, s, u, v, &ray);
-  maskv passed = leave_eye(&ray, elements, n_elements, eye_table);
+  bendsv bends;
+  draw_bends(sample, pixel_stream, &bends);
+  maskv passed = leave_eye(&ray, elements, n_elements, eye_table, &bends);
   const real scale = pupil->inverse_object_index;
   start->ox = passed ? ray.x * R(1e-3) : (realv)0;
   start->oy = passed ? ray.y * R(1e-3) : (realv)0;
