@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from isetcl.device.huygens import huygens_psf
 from isetcl.errors import (
     DeviceError,
     FileError,
@@ -18,6 +19,10 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
+from isetcl.eye.artificial_pupil import ArtificialPupil
+from isetcl.eye.contact_lens import ContactLens
+from isetcl.eye.files.load import load_eye
+from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -25,6 +30,7 @@ from isetcl.eye.media import (
     Medium,
     NavarroDispersion,
     SellmeierDispersion,
+    TabulatedDispersion,
 )
 from isetcl.eye.model import Eye
 from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
@@ -38,6 +44,7 @@ from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
@@ -79,12 +86,14 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
+    "ArtificialPupil",
     "Biconic",
     "Checkerboard",
     "Coated",
     "ComplexIndex",
     "Conductor",
     "ConstantIndex",
+    "ContactLens",
     "CornuDispersion",
     "DeviceError",
     "Dielectric",
@@ -103,6 +112,7 @@ __all__ = [
     "Hurb",
     "Image",
     "Instance",
+    "IntraocularLens",
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
@@ -128,12 +138,14 @@ __all__ = [
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
+    "SpectacleLens",
     "SpectralCube",
     "Spectrum",
     "Sphere",
     "SpotLight",
     "Stop",
     "Surface",
+    "TabulatedDispersion",
     "Toric",
     "TwoSided",
     "UnlitReflectance",
@@ -143,7 +155,9 @@ __all__ = [
     "display_primaries",
     "eyes",
     "glass",
+    "huygens_psf",
     "load_cube",
+    "load_eye",
     "load_image",
     "load_mesh",
     "load_mesh_scene",

@@ -99,16 +99,8 @@ class _Pupil:
         return np.asarray(direction @ self.mm_per_deg.T * (self.source.index_after / wavelength_mm))
 
     def _to_sphere(self, rays: PupilRays) -> tuple[np.ndarray, np.ndarray]:
-        """Optical path to the reference sphere, mm, and unit directions from there to its centre.
-
-        The ray is followed back from the retina.
-        """
-        offset = rays.point_mm - self.centre
-        along = np.sum(offset * rays.direction, axis=1)
-        inside = along**2 - np.sum(offset**2, axis=1) + self.radius**2
-        back = along + np.sqrt(np.maximum(inside, 0.0))
-        on_sphere = offset - back[:, None] * rays.direction
-        return rays.opl_mm - self.source.index_after * back, -on_sphere / self.radius
+        """See `path_to_sphere`."""
+        return path_to_sphere(rays, self.centre, self.radius, self.source.index_after)
 
     def move_to_best_focus(self) -> None:
         """Move the centre of the sphere along the chief ray to where the RMS of W is least."""
@@ -194,6 +186,21 @@ class _Pupil:
                 break
             entrance = entrance + np.einsum("nij,nj->ni", slopes, miss)
         return rays, slopes
+
+
+def path_to_sphere(
+    rays: PupilRays, centre_mm: np.ndarray, radius_mm: float, index: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Optical path to a reference sphere, mm, and unit directions from there to its centre.
+
+    The ray is followed back from the retina, in a medium of the index given.
+    """
+    offset = rays.point_mm - centre_mm
+    along = np.sum(offset * rays.direction, axis=1)
+    inside = along**2 - np.sum(offset**2, axis=1) + radius_mm**2
+    back = along + np.sqrt(np.maximum(inside, 0.0))
+    on_sphere = offset - back[:, None] * rays.direction
+    return rays.opl_mm - index * back, -on_sphere / radius_mm
 
 
 def _box(q: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, float]:

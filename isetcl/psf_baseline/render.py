@@ -34,7 +34,7 @@ from isetcl.psf_baseline.view import (
     take_layers,
 )
 from isetcl.retina.depth import vergence_map
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.basis import spectral_basis
 from isetcl.scene.light import Environment
@@ -61,7 +61,7 @@ def render(
     layers: Layers = "auto",
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     oversampling: int = 2,
     scatter: ScatterModel | None = None,

@@ -35,6 +35,7 @@ from isetcl.render.kernel_config import (
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
 from isetcl.render.plan_bends import NO_BENDS, Bends, decide_bends
+from isetcl.render.plan_eye import decide_eye_features
 from isetcl.render.plan_paths import (
     check_mesh_memory,
     check_spectra,
@@ -43,7 +44,7 @@ from isetcl.render.plan_paths import (
     path_images,
 )
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
@@ -151,7 +152,7 @@ def plan(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
@@ -219,7 +220,7 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, bends, notes),
+            **_decide_eye(eye, pupils, grid.wavelength_nm, bends, notes),
             **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
@@ -229,7 +230,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
-            **_decide_eye(eye, pupils, bends, notes),
+            **_decide_eye(eye, pupils, grid.wavelength_nm, bends, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
@@ -359,21 +360,17 @@ def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
 
 
 def _decide_eye(
-    eye: Eye, pupils: tuple[ExitPupilBound, ...], bends: Bends, notes: list[Decision]
+    eye: Eye,
+    pupils: tuple[ExitPupilBound, ...],
+    wavelength_nm: float,
+    bends: Bends,
+    notes: list[Decision],
 ) -> dict[str, Any]:
-    conic = [s.name for s in eye.surfaces if s.conic != 0 and s.curvature != 0]
     fill = min(p.fill for p in pupils)
     notes.append(
         Decision("pupil sampling", "exit pupil", f"{100 * fill:.3g} % of the rays pass the stop")
     )
-    return {
-        "has_conics": left_out(
-            notes,
-            "conic surfaces",
-            bool(conic),
-            ", ".join(conic),
-            "every refracting surface is a sphere or a plane",
-        ),
+    return decide_eye_features(eye, wavelength_nm, notes) | {
         "has_aspheric_retina": left_out(
             notes,
             "aspheric retina",

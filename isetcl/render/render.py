@@ -24,6 +24,7 @@ from isetcl.render.paths import PathPipeline
 from isetcl.render.pinhole import look_at
 from isetcl.render.plan import DEFAULT_BOUNCES, check_memory, plan
 from isetcl.render.progress import Progress, ProgressCallback, display
+from isetcl.retina.grid import Centre
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
 
@@ -34,7 +35,7 @@ def render(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     spp: int | None = None,
     time_budget_s: float | None = None,
     target_error: float | None = None,
@@ -64,7 +65,7 @@ def render(
     resolution
         Pixels: a number for a square, or (columns, rows).
     centre_deg
-        Field angles (x, y) of the middle of the image.
+        Field angles (x, y) of the middle of the image, or "fovea" for those of `eye.fovea_deg`.
     spp
         Samples a pixel and band, at least 2. Default 256 if neither of the next two is given.
     time_budget_s

@@ -8,11 +8,14 @@
  *
  * ray   rays on the surface
  * s     surface constants for this direction of travel
- * at    where they cross it; g is set here, as carrying it from the crossing to here through the
- *       choice between surfaces and the stop takes up to a third of the time of a whole trace
+ * at    where they cross it. Where all surfaces are conics about the axis of the eye, g is set here:
+ *       carrying it from the crossing through the choice between surfaces and the stop takes up to a
+ *       third of the time of a whole trace
  */
 INLINE void refract(rayv *ray, constant element_t *s, real sense, crossingv *at) {
+#if !HAS_FORMS
   conic_slope(ray, s, at);
+#endif
   realv root = square_root(mul_add((realv)s->index_step, at->g2, at->q * at->q));
   realv bend = sense * s->index_step / (mul_add((realv)sense, at->q, root) + (realv)R(1e-30));
   realv tx = mul_add(bend, at->gx, ray->tx);
