@@ -60,6 +60,7 @@ class RayTracer:
         record_opl: bool = False,
         shared_direction: bool = False,
         conic: bool = True,
+        gradients={},
         vector_width: int | None = None,
     ) -> None:
         device.check_precision(precision)
@@ -72,6 +73,7 @@ class RayTracer:
         defines = device.defines(precision, vector_width)
         self._width = defines["WIDTH"]
         defines |= {
+            **gradients,
             "HAS_CONICS": int(conic),
             "HAS_HITS": int(record_hits),
             "HAS_OPL": int(self._record_opl),

@@ -26,13 +26,19 @@ INLINE maskv conic_intersect(rayv *ray, constant element_t *s, real sense, int f
   realv x = mul_add(approach, ray->tx, ray->x);
   realv y = mul_add(approach, ray->ty, ray->y);
   realv z = mul_add(approach, ray->tz, ray->z);
+#if HAS_GRADIENTS
+  /* |T| is the index at the ray, not at the vertex. */
+  const realv curvature_times_n2 = s->curvature * squared_length(ray);
+#else
+  const real curvature_times_n2 = s->curvature_times_n2;
+#endif
 #if HAS_CONICS
   realv kz = s->kappa * z;
   realv a = mul_add((realv)s->curvature_times_conic * ray->tz, ray->tz,
-                    (realv)s->curvature_times_n2);
+                    (realv)curvature_times_n2);
 #else
   realv kz = z;
-  realv a = s->curvature_times_n2;
+  realv a = curvature_times_n2;
 #endif
   realv across = mul_add(x, ray->tx, mul_add(y, ray->ty, kz * ray->tz));
   realv f = mul_add((realv)-s->curvature, across, ray->tz);

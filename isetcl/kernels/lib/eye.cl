@@ -1,6 +1,6 @@
 /* eye.cl - rays from the retina out of the eye.
  */
-#include "lib/crossing.cl"
+#include "lib/gradient.cl"
 #include "lib/refraction.cl"
 
 /* leave_eye - rays from the vitreous through the eye into the air.
@@ -19,10 +19,10 @@ INLINE maskv leave_eye(rayv *ray, constant element_t *elements, int n_elements,
     ray->z += vertex_z - element->vertex_z;
     vertex_z = element->vertex_z;
     crossingv at;
-    cross_element(ray, element, eye_table, -1, HAS_FAR_SIDE, &at);
+    arrive(ray, element, eye_table, -1, HAS_FAR_SIDE, &at);
     if (HAS_SEMI_DIAMETERS || element->kind == ELEMENT_STOP)
       passed = passed & is_inside(&at, element);
-    if (element->kind == ELEMENT_REFRACT) refract(ray, element, -1, &at);
+    if (element->kind == ELEMENT_REFRACT) refract(ray, element, eye_table, -1, &at);
   }
   ray->z += vertex_z;
   return passed & is_number(ray->x + ray->tx);
