@@ -206,6 +206,23 @@ INLINE realv short_step(rayv *ray, global const real *profile, realv h) {
 #define GRADIENT_NEAR 1e-3f
 #endif
 
+/* approach_element - as cross_element, for rays that are almost there (round > 0). */
+INLINE maskv approach_element(rayv *ray, constant element_t *element,
+                              global const real *eye_table, real sense, int far_side, int round,
+                              crossingv *at) {
+#if !HAS_FORMS
+  if (round > 0) {
+    conic_approach(ray, element, sense, at);
+    return -1;
+  }
+  if (element->curvature == 0) {
+    at->path = -ray->z / ray->tz;
+    return -1;
+  }
+#endif
+  return cross_element(ray, element, eye_table, sense, far_side, at);
+}
+
 /* cross_gradient - moves rays through the gradient in front of an element onto it.
  *
  * The straight way to the element is the length of t to integrate; what is left of the way is gone
@@ -223,7 +240,7 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
   const int rounds = element->gradient_landing > 0 ? 3 : 2;
   for (int round = 0; round < rounds; ++round) {
     rayv straight = *ray;
-    met = met & cross_element(&straight, element, eye_table, sense, far_side, at);
+    met = met & approach_element(&straight, element, eye_table, sense, far_side, round, at);
     realv way = is_number(at->path) ? at->path : -ray->z / ray->tz;
     to_profile(ray, profile);
     if (round == rounds - 1) {
@@ -239,8 +256,8 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
   to_profile(&before, profile);
   realv fx, fy, fz;
   realv n2 = half_gradient(profile, before.x, before.y, before.z, &fx, &fy, &fz);
-  realv t2 = mul_add(ray->tx, ray->tx, mul_add(ray->ty, ray->ty, ray->tz * ray->tz));
-  met = met & cross_element(ray, element, eye_table, sense, far_side, at);
+  realv t2 = squared_length(ray);
+  met = met & approach_element(ray, element, eye_table, sense, far_side, rounds, at);
   before.tx = mul_add(at->path, fx, before.tx);
   before.ty = mul_add(at->path, fy, before.ty);
   before.tz = mul_add(at->path, fz, before.tz);

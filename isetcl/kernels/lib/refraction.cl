@@ -16,6 +16,8 @@ INLINE void refract(rayv *ray, constant element_t *s, global const real *eye_tab
   conic_slope(ray, s, at);
 #if HAS_GRADIENTS
   realv n2_transmitted = s->n2_transmitted, index_step = s->index_step;
+  if (s->gradient_incident >= 0)
+    at->q = mul_add(at->gx, ray->tx, mul_add(at->gy, ray->ty, at->gz * ray->tz));
   if (s->gradient_incident >= 0 || s->gradient_transmitted >= 0) {
     /* |T|^2 is n^2 where the ray is. */
     n2_transmitted = squared_index_after(ray, s, eye_table);
