@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from isetcl.device.gradients import *
+from isetcl.device.gradients import is_placed
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
+from isetcl.eye.gradient import PolynomialGradient, ShellGradient
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.rays import RayStatus
 from isetcl.eye.sequential import Towards
@@ -30,6 +33,10 @@ ELEMENT = Struct(
         Member("renormalise"),
         Member("aperture2"),
         Member("bend", "int"),
+        Member("gradient_incident", "int"),
+        Member("gradient_transmitted", "int"),
+        Member("gradient_steps", "int"),
+        Member("gradient_landing", "int"),
     ),
 )
 """Constants of an element for one direction of travel, prepared in float64."""
@@ -68,7 +75,38 @@ def pack_eye(
 ) -> PackedEye:
     """Elements in the order rays meet them, for one or several wavelengths."""
     records = [_records(sequence, towards, precision) for sequence in sequences]
-    return PackedEye(np.concatenate(records), np.zeros(1, dtype=real_dtype(precision)))
+    table = [np.zeros(1)]
+    most = max(
+        [
+            2,
+            *(
+                degree(g.profile)
+                for s in sequences
+                for g in gradients_of(s)
+                if isinstance(g.profile, PolynomialGradient)
+            ),
+        ]
+    )
+    for sequence, record in zip(sequences, records, strict=False):
+        for r, e in zip(record, sequence, strict=False):
+            sides = (e.gradient_before, e.gradient_after)
+            if towards == "scene":
+                sides = sides[::-1]
+            for name, placed in zip(
+                ("gradient_incident", "gradient_transmitted"), sides, strict=False
+            ):
+                r[name] = -1
+                if placed is not None:
+                    r[name] = sum(len(t) for t in table)
+                    table.append(profile_numbers(placed, e, most))
+            if sides[0] is not None:
+                r["gradient_steps"] = kernel_steps(sides[0], precision)
+                r["gradient_landing"] = landing_steps(int(r["gradient_steps"]), precision)
+    return PackedEye(np.concatenate(records), np.concatenate(table).astype(real_dtype(precision)))
+
+
+def gradients_of(s):
+    return [e.gradient_before for e in s if e.gradient_before is not None]
 
 
 def _records(sequence: tuple[Element, ...], towards: Towards, precision: Precision) -> np.ndarray:
@@ -95,3 +133,19 @@ def _records(sequence: tuple[Element, ...], towards: Towards, precision: Precisi
 def has_conics(sequence: tuple[Element, ...]) -> bool:
     """Whether any element is curved and not a sphere."""
     return any(e.conic != 0.0 and e.curvature != 0.0 for e in sequence)
+
+
+def gradient_defines(sequences):
+    g = [x for s in sequences for x in gradients_of(s)]
+    return {
+        "HAS_GRADIENTS": int(bool(g)),
+        "HAS_POLYNOMIALS": int(any(isinstance(x.profile, PolynomialGradient) for x in g)),
+        "HAS_SHELLS": int(any(isinstance(x.profile, ShellGradient) for x in g)),
+        "HAS_REAL_POWERS": int(
+            any(isinstance(x.profile, ShellGradient) and x.profile.power % 1 for x in g)
+        ),
+        "HAS_PLACED_GRADIENTS": int(any(map(is_placed, g))),
+        "GRADIENT_DEGREE": max(
+            [2, *(degree(x.profile) for x in g if isinstance(x.profile, PolynomialGradient))]
+        ),
+    }

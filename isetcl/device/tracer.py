@@ -60,8 +60,11 @@ class RayTracer:
         record_opl: bool = False,
         shared_direction: bool = False,
         conic: bool = True,
+        gradients=None,
         vector_width: int | None = None,
     ) -> None:
+        if gradients is None:
+            gradients = {}
         device.check_precision(precision)
         self._device = device
         self._precision = precision
@@ -72,6 +75,7 @@ class RayTracer:
         defines = device.defines(precision, vector_width)
         self._width = defines["WIDTH"]
         defines |= {
+            **gradients,
             "HAS_CONICS": int(conic),
             "HAS_HITS": int(record_hits),
             "HAS_OPL": int(self._record_opl),

@@ -26,13 +26,19 @@ INLINE maskv conic_intersect(rayv *ray, constant element_t *s, real sense, int f
   realv x = mul_add(approach, ray->tx, ray->x);
   realv y = mul_add(approach, ray->ty, ray->y);
   realv z = mul_add(approach, ray->tz, ray->z);
+#if HAS_GRADIENTS
+  /* |T| is the index at the ray, not at the vertex. */
+  const realv curvature_times_n2 = s->curvature * squared_length(ray);
+#else
+  const real curvature_times_n2 = s->curvature_times_n2;
+#endif
 #if HAS_CONICS
   realv kz = s->kappa * z;
   realv a = mul_add((realv)s->curvature_times_conic * ray->tz, ray->tz,
-                    (realv)s->curvature_times_n2);
+                    (realv)curvature_times_n2);
 #else
   realv kz = z;
-  realv a = s->curvature_times_n2;
+  realv a = curvature_times_n2;
 #endif
   realv across = mul_add(x, ray->tx, mul_add(y, ray->ty, kz * ray->tz));
   realv f = mul_add((realv)-s->curvature, across, ray->tz);
@@ -72,3 +78,28 @@ INLINE void conic_slope(const rayv *ray, constant element_t *s, crossingv *at) {
   at->g2 = 1;
 #endif
 }
+
+#if HAS_GRADIENTS
+/* conic_approach - moves rays that are almost on a conic onto it: one step of Newton's method.
+ *
+ * As conic_intersect, whose square root it spares; q is that of before. A ray that crosses against
+ * its direction of travel becomes NaN.
+ */
+INLINE void conic_approach(rayv *ray, constant element_t *s, real sense, crossingv *at) {
+  realv kz = ray->z;
+#if HAS_CONICS
+  kz *= s->kappa;
+#endif
+  realv value = mul_add((realv)s->curvature,
+                        mul_add(ray->x, ray->x, mul_add(ray->y, ray->y, kz * ray->z)),
+                        R(-2.0) * ray->z);
+  realv across = mul_add(ray->x, ray->tx, mul_add(ray->y, ray->ty, kz * ray->tz));
+  at->q = mul_add((realv)-s->curvature, across, ray->tz);
+  at->path = R(0.5) * value / (sense * at->q > 0 ? at->q : (realv)NAN);
+  ray->x = mul_add(at->path, ray->tx, ray->x);
+  ray->y = mul_add(at->path, ray->ty, ray->y);
+  ray->z = mul_add(at->path, ray->tz, ray->z);
+  at->ax = ray->x;
+  at->ay = ray->y;
+}
+#endif

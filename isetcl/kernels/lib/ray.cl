@@ -11,6 +11,11 @@ typedef struct {
   realv tx, ty, tz;
 } rayv;
 
+/* squared_length - |T|^2. */
+INLINE realv squared_length(const rayv *ray) {
+  return mul_add(ray->tx, ray->tx, mul_add(ray->ty, ray->ty, ray->tz * ray->tz));
+}
+
 /* crossingv - where WIDTH rays cross an element.
  *
  * path       from the old point to the new one, in units of T
