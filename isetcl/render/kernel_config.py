@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 from isetcl.device.devices import Device
+from isetcl.device.eye_features import EyeFeatures
 from isetcl.device.layout import Precision
 
 
@@ -18,8 +19,8 @@ class MaterialKind(IntEnum):
 
 
 @dataclass(frozen=True)
-class KernelConfig:
-    """Compile-time features of the direct pipeline.
+class KernelConfig(EyeFeatures):
+    """Compile-time features of the direct pipeline; what an eye needs is in `EyeFeatures`.
 
     Attributes
     ----------
@@ -27,8 +28,6 @@ class KernelConfig:
         Type and lanes of the arithmetic.
     n_basis
         Spectra that span the scene: channels of the film.
-    has_conics
-        Some refracting surface is not a sphere.
     has_aspheric_retina
         The retina is not a sphere, so its normal has to be normalised.
     has_far_side
@@ -46,7 +45,6 @@ class KernelConfig:
     precision: Precision
     vector_width: int
     n_basis: int = 1
-    has_conics: bool = True
     has_aspheric_retina: bool = True
     has_far_side: bool = True
     has_semi_diameters: bool = True
@@ -61,9 +59,9 @@ class KernelConfig:
 
     def defines(self, device: Device) -> dict[str, int]:
         """The #defines, those of the device included."""
-        return device.defines(self.precision, self.vector_width) | {
+        defines = device.defines(self.precision, self.vector_width) | self.eye_feature_defines()
+        return defines | {
             "N_BASIS": self.n_basis,
-            "HAS_CONICS": int(self.has_conics),
             "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
             "HAS_FAR_SIDE": int(self.has_far_side),
             "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
@@ -109,7 +107,7 @@ def path_width(device: Device, precision: Precision) -> int:
 
 
 @dataclass(frozen=True)
-class PathConfig:
+class PathConfig(EyeFeatures):
     """Compile-time features of the path pipeline, and how far it follows paths.
 
     Attributes
@@ -122,7 +120,7 @@ class PathConfig:
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
     starts_given
         Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
-    has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
+    has_aspheric_retina, has_far_side, has_semi_diameters
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
         Shapes in the scene; triangles in place, and those of instanced meshes.
@@ -151,7 +149,6 @@ class PathConfig:
     max_bounces: int
     is_fused: bool = False
     starts_given: bool = False
-    has_conics: bool = True
     has_aspheric_retina: bool = True
     has_far_side: bool = True
     has_semi_diameters: bool = True
@@ -187,12 +184,15 @@ class PathConfig:
 
     def eye_defines(self, device: Device, width: int) -> dict[str, int]:
         """The #defines of the stage that leaves the eye, those of the device included."""
-        return device.defines(self.precision, width) | {
-            "HAS_CONICS": int(self.has_conics),
-            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-            "HAS_FAR_SIDE": int(self.has_far_side),
-            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
-        }
+        return (
+            device.defines(self.precision, width)
+            | self.eye_feature_defines()
+            | {
+                "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
+                "HAS_FAR_SIDE": int(self.has_far_side),
+                "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
+            }
+        )
 
     def path_defines(self, device: Device) -> dict[str, int]:
         """The #defines of the stages that follow paths, those of the device included."""

@@ -3,24 +3,20 @@
  * Ray equation in t with ds = n dt:  R'' = grad(n^2) / 2,  T = R' = n times the unit direction, which
  * is the state of a ray everywhere in the eye.  Source: Sharma, Kumar & Ghatak 1982, Appl Opt 21:984.
  *
- * HAS_GRADIENTS: some medium has a gradient. HAS_POLYNOMIALS, HAS_SHELLS: of these kinds.
- * GRADIENT_DEGREE: largest i + 2 j of the polynomials' z^i r^2j, at least 2. HAS_REAL_POWERS: shells
- * with a power that is no whole number. HAS_PLACED_GRADIENTS: one is off the axis or tilted.
- *
  * A profile in the eye's table is GRADIENT_FRAME reals (the vertex of its frame from that of the
  * element; its three axes; 1 for shells) and its numbers: c[i][j] of z^i r^2j, GRADIENT_ROW a row; or
  * core, core - edge, centre, 1 / semi_z^2, 1 / semi_r^2, power - 1.
  */
 #include "lib/crossing.cl"
 #if HAS_GRADIENTS
-#if HAS_SHELLS
+#if HAS_SHELL_GRADIENTS
 #include "lib/power.cl"
 #endif
 
 #define GRADIENT_FRAME 13
 #define GRADIENT_ROW (GRADIENT_DEGREE / 2 + 1)
 
-#if HAS_POLYNOMIALS
+#if HAS_POLYNOMIAL_GRADIENTS
 /* polynomial_index - n and its derivatives by z and by s = r^2; mm. Horner's rule.
  *
  * The conditions are constants once the loops are unrolled.
@@ -48,7 +44,7 @@ INLINE void polynomial_index(global const real *c, realv s, realv z, realv *n, r
 }
 #endif
 
-#if HAS_SHELLS
+#if HAS_SHELL_GRADIENTS
 /* shell_power - (zeta^2)^(power - 1) and zeta^2 */
 INLINE realv shell_power(global const real *p, realv s, realv z, realv *zeta2) {
   realv from_centre = z - p[2];
@@ -70,8 +66,8 @@ INLINE realv half_gradient(global const real *profile, realv x, realv y, realv z
   global const real *p = profile + GRADIENT_FRAME;
   realv s = mul_add(x, x, y * y);
   realv n = 1, across = 0;
-#if HAS_SHELLS
-#if HAS_POLYNOMIALS
+#if HAS_SHELL_GRADIENTS
+#if HAS_POLYNOMIAL_GRADIENTS
   if (profile[GRADIENT_FRAME - 1] != 0)
 #endif
   {
@@ -82,11 +78,11 @@ INLINE realv half_gradient(global const real *profile, realv x, realv y, realv z
     across = steep * p[4];
     *fz = steep * p[3] * (z - p[2]);
   }
-#if HAS_POLYNOMIALS
+#if HAS_POLYNOMIAL_GRADIENTS
   else
 #endif
 #endif
-#if HAS_POLYNOMIALS
+#if HAS_POLYNOMIAL_GRADIENTS
   {
     realv by_z, by_s;
     polynomial_index(p, s, z, &n, &by_z, &by_s);
