@@ -91,7 +91,7 @@ class EyeFeatures:
         surfaces = [e for e in elements if e.kind is not ElementKind.STOP]
         shaped = {shape_kind(e) for e in surfaces if e.shape is not None}
         gradients = [g for e in elements for g in (e.gradient_before, e.gradient_after) if g]
-        polynomials = [g for g in gradients if isinstance(g.profile, PolynomialGradient)]
+        polynomials = [g.profile for g in gradients if isinstance(g.profile, PolynomialGradient)]
         shells = [g.profile for g in gradients if isinstance(g.profile, ShellGradient)]
         return cls(
             has_conics=any(e.conic != 0.0 and e.curvature != 0.0 for e in surfaces),
@@ -109,7 +109,7 @@ class EyeFeatures:
             has_shell_gradients=bool(shells),
             has_real_powers=any(not profile.power.is_integer() for profile in shells),
             has_placed_gradients=any(not g.is_centred for g in gradients),
-            gradient_degree=max([2, *(g.profile.degree for g in polynomials)]),
+            gradient_degree=max([2, *(profile.degree for profile in polynomials)]),
         )
 
     def eye_feature_defines(self) -> dict[str, int]:

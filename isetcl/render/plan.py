@@ -204,7 +204,7 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, grid.wavelength_nm, resolved, notes),
+            **_decide_eye(eye, pupils, grid.wavelength_nm, resolved, notes),  # type: ignore[arg-type]
             **_decide_shapes(scene, notes),
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
@@ -214,7 +214,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
-            **_decide_eye(eye, pupils, grid.wavelength_nm, resolved, notes),
+            **_decide_eye(eye, pupils, grid.wavelength_nm, resolved, notes),  # type: ignore[arg-type]
             **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
