@@ -18,6 +18,10 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
+from isetcl.eye.artificial_pupil import ArtificialPupil
+from isetcl.eye.contact_lens import ContactLens
+from isetcl.eye.files.load import load_eye
+from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -25,16 +29,20 @@ from isetcl.eye.media import (
     Medium,
     NavarroDispersion,
     SellmeierDispersion,
+    TabulatedDispersion,
 )
 from isetcl.eye.model import Eye
+from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.placement import Placement
 from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
@@ -76,12 +84,14 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
+    "ArtificialPupil",
     "Biconic",
     "Checkerboard",
     "Coated",
     "ComplexIndex",
     "Conductor",
     "ConstantIndex",
+    "ContactLens",
     "CornuDispersion",
     "DeviceError",
     "Dielectric",
@@ -99,6 +109,7 @@ __all__ = [
     "HeightMap",
     "Image",
     "Instance",
+    "IntraocularLens",
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
@@ -108,6 +119,7 @@ __all__ = [
     "Mirror",
     "Mix",
     "NavarroDispersion",
+    "OcularMedia",
     "OutOfMemoryError",
     "PinholeView",
     "Placement",
@@ -119,15 +131,18 @@ __all__ = [
     "Retina",
     "RetinalGrid",
     "RetinalImage",
+    "ScatterModel",
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
+    "SpectacleLens",
     "SpectralCube",
     "Spectrum",
     "Sphere",
     "SpotLight",
     "Stop",
     "Surface",
+    "TabulatedDispersion",
     "Toric",
     "TwoSided",
     "UnlitReflectance",
@@ -138,11 +153,13 @@ __all__ = [
     "eyes",
     "glass",
     "load_cube",
+    "load_eye",
     "load_image",
     "load_mesh",
     "load_mesh_scene",
     "load_scene",
     "load_spd",
+    "ocular_transmittance",
     "pinhole",
     "plan",
     "psf_baseline",

@@ -14,15 +14,18 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_positive, check_type
+from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
+    from isetcl.eye.changes import ChamberStart, EyeChange, ShiftHold
     from isetcl.eye.field import FieldMap
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
@@ -56,7 +59,8 @@ class Eye:
     name
         Name of the model.
     surfaces
-        Refracting surfaces in the order light meets them, corneal front first (vertex at z = 0).
+        Refracting surfaces in the order light meets them. The front of the cornea has its vertex at
+        z = 0; lenses in front of it, as spectacles, come before it.
     stop
         The iris. It acts before the first surface whose vertex is at or behind its plane.
     retina
@@ -65,6 +69,9 @@ class Eye:
         The medium in front of the first surface, air by default.
     accommodation_model, accommodation_parameter
         The family this eye belongs to and its place in it; None for an eye that cannot accommodate.
+    fovea_deg
+        Field angles (x, y) of the direction that the fovea sees, degrees from the optical axis. In
+        human eyes about 5 degrees nasally: to the left (x < 0) for a right eye.
 
     Raises
     ------
@@ -79,15 +86,18 @@ class Eye:
     medium_before: Medium = AIR
     accommodation_model: AccommodationModel | None = None
     accommodation_parameter: float | None = None
+    fovea_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         self._check_types()
         if not self.surfaces:
             raise InvalidInputError(f"eye {self.name!r} needs at least one refracting surface")
-        if self.surfaces[0].vertex_z_mm != 0.0:
+        z = [surface.vertex_z_mm for surface in self.surfaces]
+        if z[0] > 0.0 or 0.0 not in z:
             raise InvalidInputError(
-                f"eye {self.name!r}: the first surface must have vertex_z_mm = 0 (the origin of "
-                f"the eye frame), got {self.surfaces[0].vertex_z_mm:g}"
+                f"eye {self.name!r}: the front of the cornea must have vertex_z_mm = 0 (the origin "
+                f"of the eye frame), with nothing but lenses in front of it, got {z[0]:g} mm for "
+                f"the first surface, {self.surfaces[0].name!r}"
             )
         self._check_order()
         from isetcl.eye.gradient_check import check_gradients
@@ -105,6 +115,9 @@ class Eye:
         check_type(f"{label}: stop", self.stop, Stop)
         check_type(f"{label}: retina", self.retina, Retina)
         check_type(f"{label}: medium_before", self.medium_before, Medium)
+        object.__setattr__(
+            self, "fovea_deg", check_pair(f"{label}: fovea_deg", self.fovea_deg, "deg")
+        )
         if self.accommodation_model is not None and not hasattr(self.accommodation_model, "eye"):
             raise InvalidInputError(
                 f"{label}: accommodation_model must have `eye` and `parameter_range`, got "
@@ -116,7 +129,7 @@ class Eye:
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
         for front, back in zip(self.surfaces, self.surfaces[1:], strict=False):
             rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), 65)
-            gap = _smallest_gap_mm(front, back, rho)
+            gap = smallest_gap_mm(front, back, rho)
             if np.min(gap) < 0:
                 at = rho[np.argmax(gap < 0)]
                 raise InvalidInputError(
@@ -277,6 +290,159 @@ class Eye:
 
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
 
+    def changed(self, change: EyeChange) -> Eye:
+        """The eye with a change, in every state of accommodation.
+
+        Parameters
+        ----------
+        change
+            A lens in front of the eye or in it (`SpectacleLens`, `ContactLens`, `IntraocularLens`),
+            an `ArtificialPupil`, or anything else with a method `apply` from one eye to another.
+        """
+        from isetcl.eye import changes
+
+        return changes.altered(self, change)
+
+    def with_fovea(self, fovea_deg: tuple[float, float]) -> Eye:
+        """The eye with its fovea where the field angles (x, y) are seen, degrees."""
+        from isetcl.eye import changes
+
+        return changes.altered(self, changes.FoveaChange(fovea_deg))
+
+    def with_pupil(
+        self,
+        diameter_mm: float,
+        plane: PupilPlane = "stop",
+        *,
+        decentre_mm: tuple[float, float] | None = None,
+        aspect: float | None = None,
+        axis_deg: float | None = None,
+    ) -> Eye:
+        """The eye with another pupil, in every state of accommodation.
+
+        Parameters
+        ----------
+        diameter_mm
+            Diameter, mm; of an elliptical stop the longer one.
+        plane
+            ``"stop"`` (the iris) or ``"entrance"`` (what a clinician measures; paraxial at 550 nm).
+        decentre_mm
+            Middle of the stop (x, y), mm; None leaves it.
+        aspect
+            Shorter diameter over the longer one, 1 for a circle; None leaves it.
+        axis_deg
+            Direction of the longer diameter, degrees from +x towards +y; None leaves it.
+        """
+        from isetcl.eye import build, changes
+
+        pupil = build.PupilSpec(diameter_mm, plane, decentre_mm, aspect, axis_deg)
+        return changes.altered(self, pupil)
+
+    def with_axial_length(self, axial_length_mm: float) -> Eye:
+        """The eye with its retina moved so that it is this long, mm.
+
+        An eye that accommodates can still do so: the whole family becomes longer by the same
+        length. The shape of the retina stays.
+
+        Raises
+        ------
+        InvalidInputError
+            If the retina would lie inside the lens.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_axial_length(self, axial_length_mm)
+
+    def with_anterior_chamber_depth(
+        self,
+        depth_mm: float,
+        *,
+        measured_from: ChamberStart = "epithelium",
+        hold: ShiftHold = "axial_length",
+    ) -> Eye:
+        """The eye with its lens, and the stop before it, moved to this depth, mm.
+
+        In an eye that accommodates the lens is moved by the same length in every state.
+
+        Parameters
+        ----------
+        depth_mm
+            From the cornea to the vertex of the lens, in the present state of accommodation.
+        measured_from
+            ``"epithelium"`` (front of the cornea) or ``"endothelium"`` (its back).
+        hold
+            What stays: ``"axial_length"`` or ``"vitreous_depth"`` (the retina moves too).
+
+        Raises
+        ------
+        InvalidInputError
+            If the lens would touch the cornea or the retina, or the cornea has one surface and the
+            depth is to be measured from its back.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_anterior_chamber_depth(
+            self, depth_mm, measured_from=measured_from, hold=hold
+        )
+
+    def with_cornea(
+        self,
+        *,
+        front_radius_mm: float | None = None,
+        back_radius_mm: float | None = None,
+        front_conic: float | None = None,
+        back_conic: float | None = None,
+    ) -> Eye:
+        """The eye with other radii, mm, or conic constants of its cornea; None leaves a number.
+
+        A surface that would end inside its semi-diameter gets a smaller one.
+
+        Raises
+        ------
+        InvalidInputError
+            If a radius is 0, the cornea has no back surface or is no conic of revolution, or its
+            surfaces cross.
+        """
+        from isetcl.eye import changes
+
+        change = changes.CorneaChange(front_radius_mm, back_radius_mm, front_conic, back_conic)
+        return changes.with_cornea(self, change)
+
+    def with_spectacle_refraction(
+        self,
+        refraction_dpt: float,
+        *,
+        vertex_distance_mm: float = 12.0,
+        wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
+    ) -> Eye:
+        """The eye made longer or shorter so that a thin spectacle lens of this power corrects it.
+
+        The retina is moved to where the far point of that lens is imaged by the relaxed eye, by
+        paraxial rays. Real rays of a wide pupil focus somewhat nearer.
+
+        Parameters
+        ----------
+        refraction_dpt
+            Power of the lens, dpt; negative for myopia.
+        vertex_distance_mm
+            From the lens to the cornea, mm; 0 is the refraction at the cornea.
+        wavelength_nm
+            Wavelength in focus, nm.
+
+        Raises
+        ------
+        InvalidInputError
+            If no length of the eye gives that refraction.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_spectacle_refraction(
+            self,
+            refraction_dpt,
+            vertex_distance_mm=vertex_distance_mm,
+            wavelength_nm=wavelength_nm,
+        )
+
     def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap:
         """The chief-ray map between field angle and retinal position at a wavelength in nm.
 
@@ -360,15 +526,44 @@ class Eye:
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""
-        description = dataclasses.asdict(
-            dataclasses.replace(self, accommodation_model=None, accommodation_parameter=None)
-        )
+        from isetcl.eye.files.values import to_values
+
+        alone = dataclasses.replace(self, accommodation_model=None)
+        description: dict[str, Any] = to_values(alone, "eye", strict=False)
         del description["accommodation_model"]
-        description["accommodation_parameter"] = self.accommodation_parameter
-        for surface, described in zip(self.surfaces, description["surfaces"], strict=True):
-            kind = type(surface.medium_after.dispersion).__name__
-            described["medium_after"]["dispersion"]["kind"] = kind
         return description
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """The eye as JSON text, with every digit; `from_json` makes the same eye of it.
+
+        Parameters
+        ----------
+        path
+            A file to write too; None writes none.
+
+        Raises
+        ------
+        InvalidInputError
+            If the eye holds a medium, shape or accommodation model of the user's own making.
+        FileError
+            If the file cannot be written.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_to_json(self, path)
+
+    @staticmethod
+    def from_json(source: str | Path) -> Eye:
+        """The eye of a file that `to_json` wrote, or of its text (which begins with a brace).
+
+        Raises
+        ------
+        FileError
+            If the file is missing or breaks the format; the message names the place in it.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_from_json(source)
 
 
 def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
@@ -384,7 +579,7 @@ def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
 _GAP_AZIMUTHS = 24
 
 
-def _smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
+def smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
     """Distance along z from one surface to the next at distances from the axis, mm, (n,).
 
     The smallest over all azimuths; places where one of them does not reach count as open.

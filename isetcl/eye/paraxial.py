@@ -112,7 +112,7 @@ def cardinal_points(eye: Eye, wavelength_nm: float) -> CardinalPoints:
     index = eye.indices(wavelength_nm)
     n, n_image = float(index[0]), float(index[-1])
     front_length, back_length = n / c, -n_image / c
-    front_focus = n * d / c
+    front_focus = eye.surfaces[0].vertex_z_mm + n * d / c
     back_focus = eye.surfaces[-1].vertex_z_mm - n_image * a / c
     return CardinalPoints(
         power_dpt=-c * MM_PER_M,
@@ -135,7 +135,7 @@ def entrance_pupil(eye: Eye, wavelength_nm: float) -> Pupil:
     if i > 0:
         gap = eye.stop.z_mm - eye.surfaces[i - 1].vertex_z_mm
         matrix = _transfer(gap / index[i]) @ matrix
-        z = float(index[0] * matrix[0, 1] / matrix[0, 0])
+        z = eye.surfaces[0].vertex_z_mm + float(index[0] * matrix[0, 1] / matrix[0, 0])
     else:
         z = eye.stop.z_mm
     magnification = 1.0 / float(matrix[0, 0])
@@ -163,8 +163,9 @@ def object_vergence_dpt(eye: Eye, wavelength_nm: float) -> float:
     index = eye.indices(wavelength_nm)
     gap = eye.retina.vertex_z_mm - eye.surfaces[-1].vertex_z_mm
     matrix = _transfer(gap / index[-1]) @ system_matrix(eye, wavelength_nm)
-    # An object at z = -s has y = s u at the vertex; it is imaged where A s / n + B = 0.
-    return float(-MM_PER_M * matrix[0, 0] / (index[0] * matrix[0, 1]))
+    # Of an object s in front of the first surface, y = s u there; A s / n + B = 0 at its image.
+    start = eye.surfaces[0].vertex_z_mm
+    return float(-MM_PER_M * matrix[0, 0] / (index[0] * matrix[0, 1] + start * matrix[0, 0]))
 
 
 def _transfer(reduced_gap: float) -> np.ndarray:

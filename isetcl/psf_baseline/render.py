@@ -17,11 +17,14 @@ import numpy as np
 from isetcl.errors import InvalidInputError, check_choice, check_count, check_type
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
+from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import irradiance_per_radiance
 from isetcl.memory import check_memory
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
+from isetcl.psf_baseline.veil import veil
 from isetcl.psf_baseline.view import (
     Layer,
     Layers,
@@ -31,7 +34,7 @@ from isetcl.psf_baseline.view import (
     take_layers,
 )
 from isetcl.retina.depth import vergence_map
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.basis import spectral_basis
 from isetcl.scene.light import Environment
@@ -58,9 +61,11 @@ def render(
     layers: Layers = "auto",
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     oversampling: int = 2,
+    scatter: ScatterModel | None = None,
+    media: OcularMedia | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> RetinalImage:
     """The retinal image of a scene approximated by PSF convolution, in absolute units.
@@ -80,6 +85,11 @@ def render(
         edges in dioptres.
     oversampling
         Samples across a pixel in views and PSFs.
+    scatter
+        Light that is scattered inside the eye: its share is taken from the image and spread as a
+        veil, from sources outside the image too. None leaves it out.
+    media
+        Ocular media whose transmittance multiplies the spectrum; None is clear media.
     progress
         Called with the fraction done after every wavelength.
 
@@ -104,12 +114,15 @@ def render(
         raise InvalidInputError(
             f"progress must be a function of the fraction done, or None, got {progress!r}"
         )
+    if scatter is not None:
+        check_type("scatter", scatter, ScatterModel)
     grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
     wavelengths = check_wavelengths(
         default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
     )
     check_eye_wavelengths(eye, wavelengths)
     _check_square(grid)
+    transmittance = transmittance_or_one(media, wavelengths)
     scene = _filtered(scene, grid, oversampling)
     basis = spectral_basis(scene, wavelengths)
     edges, psfs, margin = _layers_and_psfs(scene, grid, layers, wavelengths, oversampling)
@@ -119,14 +132,19 @@ def render(
         scene, view, basis, _open_ended(edges), complete=chosen.needs_complete_layers
     )
     irradiance = np.zeros((len(wavelengths), *grid.shape), dtype=np.float32)
-    if taken:
-        spectra = LayerSpectra(taken)
+    spread = None if scatter is None else veil(scene, view, basis, scatter)
+    if taken or spread is not None:
+        spectra = LayerSpectra(taken) if taken else None
         for i, wavelength in enumerate(wavelengths):
-            blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken])
-            channels = chosen.combine(blur, len(taken))
+            channels = np.zeros((len(basis.spectra), *view.shape), dtype=np.float32)
+            if spectra is not None:
+                blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken])
+                channels = chosen.combine(blur, len(taken))
+            if scatter is not None and spread is not None:
+                channels = (1.0 - scatter.fraction) * channels + spread
             radiance = np.tensordot(basis.spectra[:, i].astype(np.float32), channels, axes=1)
             on_retina = _onto_retina(radiance, view, float(wavelength))
-            irradiance[i] = on_retina * _throughput(grid, float(wavelength))
+            irradiance[i] = on_retina * _throughput(grid, float(wavelength)) * transmittance[i]
             if progress is not None:
                 progress((i + 1) / len(wavelengths))
     details = {
@@ -137,6 +155,8 @@ def render(
         "scene_digest": scene.digest(),
         "layers_dpt": [layer.vergence_dpt for layer in taken],
         "oversampling": oversampling,
+        "media": None if media is None else media.describe(),
+        "scatter": None if scatter is None else scatter.describe(),
         "psf_energy_outside": max(
             (p.energy_outside for row in psfs for p in row.values()), default=0.0
         ),

@@ -19,7 +19,7 @@ from isetcl.render.kernel_config import PathConfig
 from isetcl.render.paths import PathPipeline
 from isetcl.render.plan import DEFAULT_BOUNCES, Plan, plan
 from isetcl.render.survey import Survey, survey
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.pinhole_view import PinholeView
 from isetcl.scene.model import Scene
 from isetcl.units import MM_PER_M
@@ -37,7 +37,7 @@ def pinhole(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     layers: int | Literal["all"] = 1,
     spp: int = 64,
     wavelengths_nm: np.ndarray | None = None,

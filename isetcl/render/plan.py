@@ -22,6 +22,7 @@ from isetcl.errors import check_choice, check_count, check_type
 from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
+from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
 from isetcl.render.kernel_config import (
@@ -40,7 +41,7 @@ from isetcl.render.plan_paths import (
     path_images,
 )
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
@@ -84,6 +85,8 @@ class Plan:
     tile : (columns, rows)
         Largest piece of the image rendered by one launch.
     device : Device
+    media : OcularMedia or None
+        What multiplies the spectrum behind the eye's optics.
     """
 
     scene: Scene
@@ -98,6 +101,7 @@ class Plan:
     decisions: tuple[Decision, ...]
     tile: tuple[int, int]
     device: Device
+    media: OcularMedia | None = None
 
     def explain(self) -> str:
         """The decisions as a table: what, how, why."""
@@ -110,8 +114,9 @@ class Plan:
     def expansion(self) -> np.ndarray:
         """Matrix from film channels (band, basis) to spectral irradiance, (wavelengths, channels).
 
-        A wavelength takes its band's film, its own spectra, and a factor for the small difference
-        of the eye's throughput on axis between the wavelength and its band.
+        A wavelength takes its band's film, its own spectra, a factor for the small difference of
+        the eye's throughput on axis between the wavelength and its band, and the transmittance of
+        the ocular media.
         """
         n_basis = self.config.n_basis
         matrix = np.zeros((len(self.wavelengths_nm), len(self.band_choice.bands) * n_basis))
@@ -124,7 +129,7 @@ class Plan:
                 else:
                     row = self.basis.spectra[:, i] * (own / traced)
                     matrix[i, b * n_basis : (b + 1) * n_basis] = row
-        return matrix
+        return matrix * transmittance_or_one(self.media, self.wavelengths_nm)[:, None]
 
     @property
     def has_light(self) -> bool:
@@ -141,7 +146,7 @@ def plan(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
@@ -149,6 +154,7 @@ def plan(
     expected_error: float = 0.01,
     device: str | None = None,
     pipeline: Literal["auto", "paths"] = "auto",
+    media: OcularMedia | None = None,
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -183,6 +189,7 @@ def plan(
         check_spectra(scene, wavelengths)
     chosen_device = find_device(device)
     notes: list[Decision] = []
+    _decide_media(media, wavelengths, notes)
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
     choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, notes)
     if not is_direct:
@@ -231,7 +238,21 @@ def plan(
         tuple(notes),
         tile,
         chosen_device,
+        media,
     )
+
+
+def _decide_media(
+    media: OcularMedia | None, wavelengths_nm: np.ndarray, notes: list[Decision]
+) -> None:
+    if media is None:
+        return
+    share = transmittance_or_one(media, wavelengths_nm)
+    reason = (
+        f"{media.age_years:g} years; {100 * share.min():.3g} to {100 * share.max():.3g} % of the "
+        "light comes through"
+    )
+    notes.append(Decision("ocular media", media.model, reason))
 
 
 def _decide_precision(

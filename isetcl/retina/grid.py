@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from isetcl.errors import (
     InvalidInputError,
+    check_choice,
     check_count,
     check_pair,
     check_positive,
@@ -25,6 +27,9 @@ from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.polynomial import fit, unit_nodes
 
 MAX_PIXELS_PER_SIDE = 32768
+
+Centre = tuple[float, float] | Literal["fovea"]
+"""The middle of an image: field angles (x, y) in degrees, or where the fovea of the eye looks."""
 
 _FIT_TOLERANCE_MM = 1e-9
 _FIT_NODES = 24
@@ -77,9 +82,9 @@ class RetinalGrid:
         eye: Eye,
         fov_deg: float | tuple[float, float],
         resolution: int | tuple[int, int],
-        centre_deg: tuple[float, float] = (0.0, 0.0),
+        centre_deg: Centre = (0.0, 0.0),
     ) -> RetinalGrid:
-        """A grid from the arguments of `render`: numbers mean squares.
+        """A grid from the arguments of `render`: numbers mean squares, "fovea" the eye's fovea.
 
         Raises
         ------
@@ -96,6 +101,9 @@ class RetinalGrid:
         else:
             width = check_positive("fov_deg", fov_deg, "deg")  # type: ignore[arg-type]
             size = (width, width * rows / columns)
+        if isinstance(centre_deg, str):
+            check_choice("centre_deg", centre_deg, ("fovea",))
+            centre_deg = eye.fovea_deg
         return cls(eye, size, (columns, rows), check_pair("centre_deg", centre_deg, "deg"))
 
     @property
@@ -139,6 +147,13 @@ class RetinalGrid:
         x = np.array([self.left_deg, self.left_deg + self.fov_deg[0]])
         y = np.array([self.top_deg, self.top_deg - self.fov_deg[1]])
         return float(np.max(np.hypot(x[:, None], y[None, :])))
+
+    def eccentricity_deg(self) -> np.ndarray:
+        """Angles of the pixel centres from the direction that the fovea sees, (rows, columns)."""
+        fovea = direction_from_field(*(np.array(angle) for angle in self.eye.fovea_deg))
+        seen = self.directions()
+        across = np.linalg.norm(np.cross(seen, fovea), axis=-1)
+        return np.degrees(np.arctan2(across, seen @ fovea))
 
     def directions(self) -> np.ndarray:
         """Unit vectors towards the scene of the pixel centres, shape (rows, columns, 3)."""
