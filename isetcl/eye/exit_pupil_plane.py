@@ -26,6 +26,7 @@ _NODES = 17
 _CHECKS = 9
 _ELLIPSE_STEPS = 4
 _FIT_TOLERANCE = 2e-7  # of the radius of the stop
+_SCAN_NODES = 11
 _SCAN_TOLERANCE = 0.01
 _SCAN_MARGIN = 0.02  # outlines found by trial may have corners between the azimuths tried
 
@@ -80,7 +81,7 @@ def plane_pupil_bound(
     check = rectangle.lattice(_CHECKS)
     # Whether the whole stop can be seen decides how outlines are found, for all fields alike.
     outline.edge(check, _AZIMUTHS)
-    nodes = rectangle.nodes(_NODES)
+    nodes = rectangle.nodes(_NODES if outline.is_complete else _SCAN_NODES)
     relative = _FIT_TOLERANCE if outline.is_complete else _SCAN_TOLERANCE
     ellipse = fit(rectangle, nodes, outline.affine(nodes), relative * eye.stop.radius_mm)
     _check_ellipses(eye, ellipse)
