@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from isetcl.errors import InvalidInputError, check_choice
 from isetcl.eye.accommodation import accommodated
+from isetcl.eye.ageing import ageing
 from isetcl.eye.arizona import ArizonaModel
 from isetcl.eye.atchison import atchison
 from isetcl.eye.bennett_rabbetts import bennett_rabbetts
@@ -135,6 +136,7 @@ _BUILDERS: dict[str, Callable[..., Eye]] = {
     "bennett_rabbetts": bennett_rabbetts,
     "liou_brennan": liou_brennan,
     "atchison": atchison,
+    "ageing": ageing,
     "drasdo_fowler": drasdo_fowler,
     "thibos": thibos,
 }
