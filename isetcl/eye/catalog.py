@@ -21,6 +21,7 @@ from isetcl.eye.model import (
     PupilPlane,
 )
 from isetcl.eye.navarro import Hold, NavarroModel
+from isetcl.eye.population import load_population as load_population
 from isetcl.units import distance_from_vergence
 
 
