@@ -22,6 +22,7 @@ from isetcl.eye.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
 from isetcl.eye.navarro import Hold, NavarroModel
+from isetcl.eye.population import load_population as load_population
 from isetcl.eye.reduced import drasdo_fowler, thibos
 
 
