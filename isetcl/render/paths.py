@@ -88,10 +88,12 @@ class PathPipeline:
             scatter=plan.bends.scatter,
         )
         self._camera = pack.pack_camera(plan.grid, precision)
+        pupils = pack.pack_pupils(plan.pupils, indices, precision)
+        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed.table)
         self._camera_buffer = self._upload(self._camera)
-        self._pupils = self._upload(pack.pack_pupils(plan.pupils, indices, precision))
+        self._pupils = self._upload(pupils)
         self._elements = self._upload(packed.elements)
-        self._eye_table = self._upload(packed.table)
+        self._eye_table = self._upload(table)
         self._n_elements = len(sequences[0])
 
     def _upload_bands(self) -> None:

@@ -31,10 +31,8 @@ INLINE void start_group(constant camera_t *camera, constant pupil_t *pupil,
                      (realv)camera->step_x, (realv)camera->left);
   realv gy = mul_add(real_from_int(int_from_uint(row)) + sobol_coordinate(sample, 3, pixel_stream),
                      (realv)camera->step_y, (realv)camera->top);
-  realv s = mul_add(gx, gx, gy * gy);
   rayv ray;
-  retinal_point(camera, gx, gy, s, &ray);
-  realv carried = aim_at_pupil(camera, pupil, gx, gy, s, u, v, &ray);
+  realv carried = aim_from_retina(camera, pupil, eye_table, gx, gy, u, v, &ray);
   bendsv bends;
   draw_bends(sample, pixel_stream, &bends);
   maskv passed = leave_eye(&ray, elements, n_elements, eye_table, &bends);
