@@ -2,13 +2,24 @@
 
 import numpy as np
 import pytest
-from leaving_rays import leave
+from leaving_rays import empty_scene, leave
 from oracles import reduced_eye
 from scipy import special
+from scipy.optimize import minimize_scalar
 from test_hurb import SHARES, TABLE
+from typer.testing import CliRunner
 
 import isetcl as ic
+from isetcl.cli import app
+from isetcl.errors import InvalidInputError
 from isetcl.eye.airy import FIRST_ZERO, circle_otf, share_beyond
+from isetcl.render import sobol
+from isetcl.render.direct import DirectPipeline
+from isetcl.render.paths import PathPipeline
+from isetcl.render.plan import plan
+from isetcl.render.plan_bends import AUTO_BOUND, mtf_change
+from isetcl.retina.bands import choose_bands
+from isetcl.spectrum import luminous_efficiency
 
 WAVELENGTH = 550.0
 GREEN = np.array([WAVELENGTH])
