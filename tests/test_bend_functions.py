@@ -8,7 +8,7 @@ from oracles import concentric
 
 import isetcl as ic
 from isetcl.device import program
-from isetcl.device.bending import Bend, add_bends
+from isetcl.device.bending import SCATTER_NODES, Bend, add_bends
 from isetcl.device.elements import ELEMENT, PackedEye, declarations, pack_eye
 from isetcl.device.layout import real_dtype
 from isetcl.eye.prescription import ElementKind, elements
@@ -162,6 +162,31 @@ def test_scatter_turns_by_the_model_s_angles(device, precision):
     expected = model.angle_of(1 - beyond[turned] / model.fraction)
     np.testing.assert_allclose(angle[turned], expected, rtol=2e-3, atol=0.005)
     assert table[Bend.FRACTION] == pytest.approx(model.fraction, rel=1e-6)
+
+
+def test_every_band_has_its_wavelength_and_all_share_a_table():
+    eye, wavelengths = ic.eyes.navarro(3.0), (450.0, 650.0)
+    sequences = [elements(eye, w) for w in wavelengths]
+    packed = add_bends(
+        pack_eye(sequences, "scene", "double"),
+        sequences,
+        STOP,
+        wavelengths,
+        diffraction=Hurb.iset3d(),
+        scatter=ic.ScatterModel(),
+    )
+    kinds = [e.kind for sequence in sequences for e in sequence]
+    places = [packed.elements["bend"][i] for i, k in enumerate(kinds) if k is ElementKind.STOP]
+    assert len(set(places)) == 2
+    index = [float(eye.indices(w)[2]) for w in wavelengths]
+    for place, wavelength, n in zip(places, wavelengths, index, strict=True):
+        # dT = n tan sigma: lambda in vacuum, though the direction is as long as the index.
+        expected = n / (1.41 * 2 * np.pi / (wavelength * 1e-6))
+        assert packed.table[place + Bend.SCALE] == pytest.approx(expected, rel=1e-12)
+        table = int(place + packed.table[place + Bend.SCATTER_TABLE])
+        half = packed.table[table : table + SCATTER_NODES]
+        assert half[0] == pytest.approx(np.tan(np.radians(0.05)), rel=1e-6)
+        assert half[-1] == pytest.approx(1.0, rel=1e-4)
 
 
 def test_eyes_without_bends_are_packed_as_they_were():

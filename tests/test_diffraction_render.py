@@ -1,5 +1,7 @@
 """Diffraction and scatter in the renderer, against closed forms, wavefronts and glare functions."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from leaving_rays import empty_scene, leave
@@ -85,6 +87,20 @@ def test_the_airy_pattern_has_its_size_on_the_retina():
         there = (per_mm * r >= low) & (per_mm * r < high)
         spread = np.sqrt(np.sum(error[there] ** 2)) + 0.02 * expected[there].sum()
         assert abs(values[there].sum() - expected[there].sum()) < 4 * spread, (low, high)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["airy", ic.Hurb()])
+def test_elliptical_and_decentred_stops_have_scaled_patterns(model):
+    stop = ic.Stop(0.0, 3.0, (0.4, -0.3), 1.5, 30.0)
+    rays = leave(dataclasses.replace(PERFECT, stop=stop), diffraction=model, samples=2048)
+    passed = rays.weight.sum()
+    for width_mm, axis_deg in ((3.0, 30.0), (1.5, 120.0)):
+        shares = np.array([0.1, 0.3, 0.5, 0.8])
+        found, error = rays.otf(shares * np.radians(width_mm / (WAVELENGTH * 1e-6)), axis_deg)
+        exact = circle_otf(shares) if model == "airy" else model.otf(shares)
+        # Rays drawn beside the stop, 0.3 %, are no part of the light.
+        assert np.all(np.abs(found / passed - exact) < 4 * error + 1e-3)
 
 
 def test_a_nearly_perfect_eye_has_the_otf_of_its_wavefront():
