@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from isetcl.device.bending import declarations as bend_declarations
-from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.elements import PackedEye
+from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.exit_pupil import ExitPupilBound
 from isetcl.eye.exit_pupil_plane import PlanePupilBound

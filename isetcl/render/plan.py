@@ -25,8 +25,8 @@ from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.ray_bending import DiffractionChoice
-from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.retina_form import relief
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
 from isetcl.render.kernel_config import (
