@@ -446,6 +446,7 @@ def rigid(sequence, pivot_mm, placement):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [liou_eye, lambda: shell_eye(3.3)])
 def test_a_tilted_lens_traces_tilted_rays_as_the_lens_upright_does(make, precision):
     sequence = elements(make(), LIOU_NM)[3:6]
