@@ -56,7 +56,10 @@ def test_every_feature_is_found_when_it_is_needed():
     )
     eye = ic.eyes.navarro(8.0)
     aspheric = dataclasses.replace(
-        eye, retina=ic.Retina.from_radius(23.9203, -12.0, 0.2), accommodation_model=None
+        eye,
+        retina=ic.Retina.from_radius(23.9203, -12.0, 0.2),
+        stop=dataclasses.replace(eye.stop, decentre_mm=(0.2, 0.1)),
+        accommodation_model=None,
     )
     plan = ic.plan(scene, aspheric, fov_deg=130.0, resolution=16, bands=1)
     # Surfaces of other shapes and in other places are those of test_surfaces.py.

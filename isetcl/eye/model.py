@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
     from isetcl.eye.changes import ChamberStart, EyeChange, ShiftHold
     from isetcl.eye.field import FieldMap
+    from isetcl.eye.field_plane import FieldPlane
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
 
@@ -173,6 +174,12 @@ class Eye(EyePictures):
             and self.retina.is_rotational
         )
 
+    def asymmetries(self) -> list[str]:
+        """What keeps the eye from being a figure of revolution, by name."""
+        names = [surface.name for surface in self.surfaces if not surface.is_rotational]
+        names += ["stop"] * (not self.stop.is_rotational)
+        return names + ["retina"] * (not self.retina.is_rotational)
+
     @property
     def axial_length_mm(self) -> float:
         """Corneal vertex to retinal vertex, mm."""
@@ -201,11 +208,17 @@ class Eye(EyePictures):
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:
         """Equivalent power in dioptres at a wavelength in nm (paraxial).
 
+        Of an astigmatic eye the mean of its principal meridians; see `isetcl.eye.astigmatism`.
+
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium.
         """
+        if not self.is_rotational:
+            from isetcl.eye import astigmatism
+
+            return astigmatism.principal_meridians(self, wavelength_nm).mean_dpt
         return self.cardinal_points(wavelength_nm).power_dpt
 
     def cardinal_points(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> CardinalPoints:
@@ -444,17 +457,22 @@ class Eye(EyePictures):
             wavelength_nm=wavelength_nm,
         )
 
-    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap:
+    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap | FieldPlane:
         """The chief-ray map between field angle and retinal position at a wavelength in nm.
+
+        A `FieldPlane`, of two field angles, where the eye is not a figure of revolution.
 
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium, or no chief ray passes the eye.
         """
-        from isetcl.eye import field
+        from isetcl.eye import field, field_plane
 
-        return field.field_map(self, check_positive("wavelength_nm", wavelength_nm, "nm"))
+        wavelength = check_positive("wavelength_nm", wavelength_nm, "nm")
+        if self.is_rotational:
+            return field.field_map(self, wavelength)
+        return field_plane.field_plane(self, wavelength)
 
     def wavefront(
         self,

@@ -76,8 +76,8 @@ class DirectPipeline:
         self._channels = self._n_bands * plan.config.n_basis
         try:
             self._camera = pack.pack_camera(plan.grid, plan.config.precision)
-            self._camera_buffer = self._upload(self._camera)
             self._arguments = self._constants()
+            self._camera_buffer = self._upload(self._camera)
             columns, rows = plan.tile
             self._padded = self._pad(columns * rows)
             self._film = cl.Buffer(
@@ -110,7 +110,7 @@ class DirectPipeline:
             for band in plan.band_choice.bands
         ]
         packed = add_bends(
-            pack_eye(sequences, "scene", precision),
+            pack_eye([*sequences, *pack.relief_sequence(plan.eye)], "scene", precision),
             sequences,
             plan.eye.stop,
             [band.wavelength_nm for band in plan.band_choice.bands],
@@ -118,13 +118,15 @@ class DirectPipeline:
             scatter=plan.bends.scatter,
         )
         indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
+        pupils = pack.pack_pupils(plan.pupils, indices, precision)
+        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed)
         assert isinstance(plan.images, tuple)
         scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)
         return (
-            self._upload(pack.pack_pupils(plan.pupils, indices, precision)),
+            self._upload(pupils),
             self._upload(packed.elements),
             np.int32(len(sequences[0])),
-            self._upload(packed.table),
+            self._upload(table),
             *(
                 self._upload(scene[name])
                 for name in ("scene", "patches", "spheres", "materials", "images", "texels")

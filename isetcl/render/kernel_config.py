@@ -23,16 +23,25 @@ BendKind = Literal["none", "airy", "iset3d", "optrace", "isotropic"]
 _HURB_AXES: tuple[BendKind, ...] = ("iset3d", "optrace", "isotropic")
 
 
-def bend_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
-    """The #defines of what bends rays inside the eye."""
+def eye_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
+    """The #defines of the eye: what its surfaces are, and what bends rays inside it."""
     numbers = {f"HURB_{name.upper()}": i for i, name in enumerate(_HURB_AXES)}
     is_hurb = config.diffraction in _HURB_AXES
-    return numbers | {
-        "HAS_DIFFRACTION": int(config.diffraction != "none"),
-        "DIFFRACTION_AIRY": int(config.diffraction == "airy"),
-        "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
-        "HAS_SCATTER": int(config.has_scatter),
-    }
+    return (
+        config.eye_feature_defines()
+        | numbers
+        | {
+            "HAS_ASPHERIC_RETINA": int(config.has_aspheric_retina),
+            "HAS_ASYMMETRY": int(config.has_asymmetry),
+            "HAS_RELIEF": int(config.has_relief),
+            "HAS_FAR_SIDE": int(config.has_far_side),
+            "HAS_SEMI_DIAMETERS": int(config.has_semi_diameters),
+            "HAS_DIFFRACTION": int(config.diffraction != "none"),
+            "DIFFRACTION_AIRY": int(config.diffraction == "airy"),
+            "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
+            "HAS_SCATTER": int(config.has_scatter),
+        }
+    )
 
 
 @dataclass(frozen=True)
@@ -47,6 +56,10 @@ class KernelConfig(EyeFeatures):
         Spectra that span the scene: channels of the film.
     has_aspheric_retina
         The retina is not a sphere, so its normal has to be normalised.
+    has_asymmetry
+        The eye is no figure of revolution: retina and pupils are functions of two field angles.
+    has_relief
+        A height map lies on the retina.
     has_far_side
         Some ray may cross a surface beyond its equator.
     has_semi_diameters
@@ -65,6 +78,8 @@ class KernelConfig(EyeFeatures):
     vector_width: int
     n_basis: int = 1
     has_aspheric_retina: bool = True
+    has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     diffraction: BendKind = "none"
@@ -82,13 +97,9 @@ class KernelConfig(EyeFeatures):
         """The #defines, those of the device included."""
         return (
             device.defines(self.precision, self.vector_width)
-            | self.eye_feature_defines()
-            | bend_defines(self)
+            | eye_defines(self)
             | {
                 "N_BASIS": self.n_basis,
-                "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-                "HAS_FAR_SIDE": int(self.has_far_side),
-                "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
                 "HAS_PATCHES": int(self.has_patches),
                 "HAS_DISCS": int(self.has_discs),
                 "HAS_SPHERES": int(self.has_spheres),
@@ -145,7 +156,8 @@ class PathConfig(EyeFeatures):
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
     starts_given
         Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
-    has_aspheric_retina, has_far_side, has_semi_diameters, diffraction, has_scatter
+    has_aspheric_retina, has_asymmetry, has_relief, has_far_side, has_semi_diameters, diffraction,
+    has_scatter
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
         Shapes in the scene; triangles in place, and those of instanced meshes.
@@ -175,6 +187,8 @@ class PathConfig(EyeFeatures):
     is_fused: bool = False
     starts_given: bool = False
     has_aspheric_retina: bool = True
+    has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     diffraction: BendKind = "none"
@@ -211,16 +225,7 @@ class PathConfig(EyeFeatures):
 
     def eye_defines(self, device: Device, width: int) -> dict[str, int]:
         """The #defines of the stage that leaves the eye, those of the device included."""
-        return (
-            device.defines(self.precision, width)
-            | self.eye_feature_defines()
-            | bend_defines(self)
-            | {
-                "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-                "HAS_FAR_SIDE": int(self.has_far_side),
-                "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
-            }
-        )
+        return device.defines(self.precision, width) | eye_defines(self)
 
     def path_defines(self, device: Device) -> dict[str, int]:
         """The #defines of the stages that follow paths, those of the device included."""

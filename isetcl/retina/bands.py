@@ -14,6 +14,8 @@ import numpy as np
 
 from isetcl.errors import check_count
 from isetcl.eye import paraxial
+from isetcl.eye.field import field_map
+from isetcl.eye.field_plane import FieldPlane, field_plane
 from isetcl.eye.model import Eye
 from isetcl.retina.grid import RetinalGrid
 from isetcl.units import ARCMIN_PER_DEG, MM_PER_M, NM_PER_M
@@ -133,13 +135,7 @@ def _chromatic_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray)
     pixel_rad = np.radians(min(grid.pitch_deg))
     radius_m = eye.entrance_pupil(grid.wavelength_nm).radius_mm / MM_PER_M
     vergence = np.array([paraxial.object_vergence_dpt(eye, w) for w in wavelengths_nm])
-    arc = float(grid.field_map.arc_mm(grid.limit_deg))
-    lateral = []
-    for wavelength in (wavelengths_nm[0], wavelengths_nm[-1]):
-        chief = eye.field_map(float(wavelength))
-        reach = float(chief.arc_mm(chief.max_field_deg))
-        lateral.append(float(chief.field_deg(min(arc, reach))))
-    transverse_rad = np.radians(abs(lateral[1] - lateral[0]))
+    transverse_rad = np.radians(_lateral_deg(eye, grid, wavelengths_nm[[0, -1]]))
     longitudinal = radius_m * (vergence - vergence[0])
     span = np.ptp(longitudinal)
     share = longitudinal / span if span > 0 else np.zeros(len(wavelengths_nm))
@@ -150,6 +146,21 @@ def _diffraction_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarra
     """Radius lambda / D of the diffraction pattern of each wavelength, in pixels."""
     diameter_m = 2.0 * eye.entrance_pupil(grid.wavelength_nm).radius_mm / MM_PER_M
     return np.asarray(wavelengths_nm / NM_PER_M / diameter_m / np.radians(min(grid.pitch_deg)))
+
+
+def _lateral_deg(eye: Eye, grid: RetinalGrid, ends_nm: np.ndarray) -> float:
+    """Angle between the directions that a retinal point sees at two wavelengths, at the worst."""
+    if isinstance(grid.field_map, FieldPlane):
+        point = grid.field_map.retinal_point_mm(*grid.rectangle.lattice(5).T)
+        seen = [field_plane(eye, float(w)).field_of_point_deg(point) for w in ends_nm]
+        return float(np.max(np.linalg.norm(seen[1] - seen[0], axis=1)))
+    arc = float(grid.field_map.arc_mm(grid.limit_deg))
+    lateral = []
+    for wavelength in ends_nm:
+        chief = field_map(eye, float(wavelength))
+        reach = float(chief.arc_mm(chief.max_field_deg))
+        lateral.append(float(chief.field_deg(min(arc, reach))))
+    return abs(lateral[1] - lateral[0])
 
 
 def _interval_costs(wavelengths_nm: np.ndarray, position: np.ndarray) -> np.ndarray:
