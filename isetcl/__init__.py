@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from isetcl.device.huygens import huygens_psf
 from isetcl.errors import (
     DeviceError,
     FileError,
@@ -34,6 +35,7 @@ from isetcl.eye.media import (
 from isetcl.eye.model import Eye
 from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.placement import Placement
+from isetcl.eye.ray_bending import Hurb
 from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
 from isetcl.eye.scatter import ScatterModel
@@ -107,6 +109,7 @@ __all__ = [
     "FocusError",
     "Grid",
     "HeightMap",
+    "Hurb",
     "Image",
     "Instance",
     "IntraocularLens",
@@ -152,6 +155,7 @@ __all__ = [
     "display_primaries",
     "eyes",
     "glass",
+    "huygens_psf",
     "load_cube",
     "load_eye",
     "load_image",

@@ -12,12 +12,17 @@ from isetcl.eye.arizona import ArizonaModel
 from isetcl.eye.atchison import atchison
 from isetcl.eye.bennett_rabbetts import bennett_rabbetts
 from isetcl.eye.build import PupilSpec
+from isetcl.eye.fit import EyeFit as EyeFit
+from isetcl.eye.fit import fit as fit
 from isetcl.eye.gullstrand import gullstrand, gullstrand_emsley
 from isetcl.eye.legrand import LeGrandState, legrand_eye
 from isetcl.eye.liou_brennan import liou_brennan
+from isetcl.eye.measurement import ZernikeMeasurement as ZernikeMeasurement
+from isetcl.eye.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
 from isetcl.eye.navarro import Hold, NavarroModel
+from isetcl.eye.population import load_population as load_population
 from isetcl.eye.reduced import drasdo_fowler, thibos
 
 

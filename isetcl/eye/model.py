@@ -16,6 +16,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
+from isetcl.eye.pictures import EyePictures
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from isetcl.eye.changes import ChamberStart, EyeChange, ShiftHold
     from isetcl.eye.field import FieldMap
+    from isetcl.eye.field_plane import FieldPlane
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
 
@@ -51,7 +53,7 @@ class AccommodationModel(Protocol):
 
 
 @dataclass(frozen=True)
-class Eye:
+class Eye(EyePictures):
     """A sequential model eye.
 
     Parameters
@@ -172,6 +174,12 @@ class Eye:
             and self.retina.is_rotational
         )
 
+    def asymmetries(self) -> list[str]:
+        """What keeps the eye from being a figure of revolution, by name."""
+        names = [surface.name for surface in self.surfaces if not surface.is_rotational]
+        names += ["stop"] * (not self.stop.is_rotational)
+        return names + ["retina"] * (not self.retina.is_rotational)
+
     @property
     def axial_length_mm(self) -> float:
         """Corneal vertex to retinal vertex, mm."""
@@ -200,11 +208,17 @@ class Eye:
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:
         """Equivalent power in dioptres at a wavelength in nm (paraxial).
 
+        Of an astigmatic eye the mean of its principal meridians; see `isetcl.eye.astigmatism`.
+
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium.
         """
+        if not self.is_rotational:
+            from isetcl.eye import astigmatism
+
+            return astigmatism.principal_meridians(self, wavelength_nm).mean_dpt
         return self.cardinal_points(wavelength_nm).power_dpt
 
     def cardinal_points(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> CardinalPoints:
@@ -443,17 +457,22 @@ class Eye:
             wavelength_nm=wavelength_nm,
         )
 
-    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap:
+    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap | FieldPlane:
         """The chief-ray map between field angle and retinal position at a wavelength in nm.
+
+        A `FieldPlane`, of two field angles, where the eye is not a figure of revolution.
 
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium, or no chief ray passes the eye.
         """
-        from isetcl.eye import field
+        from isetcl.eye import field, field_plane
 
-        return field.field_map(self, check_positive("wavelength_nm", wavelength_nm, "nm"))
+        wavelength = check_positive("wavelength_nm", wavelength_nm, "nm")
+        if self.is_rotational:
+            return field.field_map(self, wavelength)
+        return field_plane.field_plane(self, wavelength)
 
     def wavefront(
         self,
@@ -509,19 +528,19 @@ class Eye:
         )
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the section of the eye with rays from infinity; returns the axes.
+        """Draw the section of the eye with rays; returns the axes.
 
         Parameters
         ----------
         ax
             Matplotlib axes; None makes a new figure.
         options
-            `fields_deg`, `wavelength_nm` and `rays` of `isetcl.eye.drawing.draw_eye`.
+            Those of `isetcl.eye.drawing.draw_eye`.
         """
         from isetcl.eye import drawing
 
         for name in options:
-            check_choice("option of plot", name, ("fields_deg", "wavelength_nm", "rays"))
+            check_choice("option of plot", name, drawing.OPTIONS)
         return drawing.draw_eye(self, ax, **options)
 
     def describe(self) -> dict[str, Any]:

@@ -80,11 +80,11 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
                        (realv)camera->left);
     realv gy = mul_add(top + sobol_coordinate(sample, 3, pixel_stream), (realv)camera->step_y,
                        (realv)camera->top);
-    realv s = mul_add(gx, gx, gy * gy);
     rayv ray;
-    retinal_point(camera, gx, gy, s, &ray);
-    realv weight = aim_at_pupil(camera, pupil, gx, gy, s, u, v, &ray);
-    maskv passed = leave_eye(&ray, sequence, n_elements, eye_table);
+    realv weight = aim_from_retina(camera, pupil, elements, eye_table, gx, gy, u, v, &ray);
+    bendsv bends;
+    draw_bends(sample, pixel_stream, &bends);
+    maskv passed = leave_eye(&ray, sequence, n_elements, eye_table, &bends);
     weight = passed ? weight : (realv)0;
     realv colour[N_BASIS];
 #if HAS_SPHERES

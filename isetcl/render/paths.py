@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isetcl.device import program
+from isetcl.device.bending import add_bends
 from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.elements import pack_eye, travel_order
 from isetcl.device.layout import real_dtype
@@ -78,12 +79,21 @@ class PathPipeline:
         bands = plan.band_choice.bands
         sequences = [travel_order(elements(plan.eye, b.wavelength_nm), "scene") for b in bands]
         indices = np.array([(s[-1].n_before, s[0].n_after) for s in sequences])
-        packed = pack_eye(sequences, "scene", precision)
+        packed = add_bends(
+            pack_eye([*sequences, *pack.relief_sequence(plan.eye)], "scene", precision),
+            sequences,
+            plan.eye.stop,
+            [band.wavelength_nm for band in plan.band_choice.bands],
+            diffraction=plan.bends.diffraction,
+            scatter=plan.bends.scatter,
+        )
         self._camera = pack.pack_camera(plan.grid, precision)
+        pupils = pack.pack_pupils(plan.pupils, indices, precision)
+        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed)
         self._camera_buffer = self._upload(self._camera)
-        self._pupils = self._upload(pack.pack_pupils(plan.pupils, indices, precision))
+        self._pupils = self._upload(pupils)
         self._elements = self._upload(packed.elements)
-        self._eye_table = self._upload(packed.table)
+        self._eye_table = self._upload(table)
         self._n_elements = len(sequences[0])
 
     def _upload_bands(self) -> None:

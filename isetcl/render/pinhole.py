@@ -117,8 +117,7 @@ def pinhole(
 def chief_rays(grid: RetinalGrid) -> tuple[np.ndarray, np.ndarray]:
     """Origins (metres) and directions, (rows, columns, 3), of the chief rays of pixel centres."""
     x, y = np.meshgrid(grid.x_deg, grid.y_deg)
-    z = grid.field_map.entrance_z_mm(np.hypot(x, y)) / MM_PER_M
-    return np.stack([np.zeros_like(x), np.zeros_like(x), z], axis=-1), grid.directions()
+    return grid.field_map.entrance_mm(x, y) / MM_PER_M, grid.directions()
 
 
 def vergence_of(rays: tuple[np.ndarray, np.ndarray], distance_m: np.ndarray) -> np.ndarray:

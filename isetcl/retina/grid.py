@@ -23,8 +23,12 @@ from isetcl.errors import (
     check_type,
 )
 from isetcl.eye.field import FieldMap, direction_from_field
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.plane_polynomial import PlanePolynomial, Rectangle
+from isetcl.eye.plane_polynomial import fit as plane_fit
 from isetcl.eye.polynomial import fit, unit_nodes
+from isetcl.eye.retina_form import retinal_normal, without_relief
 
 MAX_PIXELS_PER_SIDE = 32768
 
@@ -107,7 +111,7 @@ class RetinalGrid:
         return cls(eye, size, (columns, rows), check_pair("centre_deg", centre_deg, "deg"))
 
     @property
-    def field_map(self) -> FieldMap:
+    def field_map(self) -> FieldMap | FieldPlane:
         """The chief-ray map that labels the pixels."""
         return self.eye.field_map(self.wavelength_nm)
 
@@ -148,6 +152,11 @@ class RetinalGrid:
         y = np.array([self.top_deg, self.top_deg - self.fov_deg[1]])
         return float(np.max(np.hypot(x[:, None], y[None, :])))
 
+    @property
+    def rectangle(self) -> Rectangle:
+        """The field angles of the image."""
+        return Rectangle(self.centre_deg, (self.fov_deg[0] / 2.0, self.fov_deg[1] / 2.0))
+
     def eccentricity_deg(self) -> np.ndarray:
         """Angles of the pixel centres from the direction that the fovea sees, (rows, columns)."""
         fovea = direction_from_field(*(np.array(angle) for angle in self.eye.fovea_deg))
@@ -164,13 +173,27 @@ class RetinalGrid:
 
         Polar about the retinal vertex, in the eye frame: the point that sees up lies at y < 0.
         """
-        x, y = np.meshgrid(self.x_deg, self.y_deg)
-        field = np.hypot(x, y)
-        scale = -self.field_map.arc_mm(field) / np.where(field > 0, field, 1.0)
-        return x * scale, y * scale
+        at = self.field_map.coordinates_mm(*np.meshgrid(self.x_deg, self.y_deg))
+        return at[..., 0], at[..., 1]
+
+    def plane_polynomial(self) -> PlanePolynomial:
+        """The retina of an eye that is no figure of revolution, as the kernels see it.
+
+        Six polynomials of the field angles: the point (x, y, z), mm, of the retina without relief,
+        and its unit normal, away from the lens.
+        """
+        labels = self.field_map
+        assert isinstance(labels, FieldPlane)
+        retina = without_relief(self.eye.retina)
+        at = self.rectangle.nodes()
+        point = labels.base_point_mm(at)
+        values = np.concatenate([point, retinal_normal(retina, point)], axis=1)
+        return plane_fit(self.rectangle, at, values, _FIT_TOLERANCE_MM)
 
     def polynomials(self) -> tuple[np.ndarray, np.ndarray]:
         """The retina as the kernels see it, in g = field vector / `limit_deg` and s = g . g.
+
+        Of an eye that is a figure of revolution.
 
         Returns
         -------
