@@ -168,6 +168,31 @@ def paths() -> str:
     return "\n\n".join(parts)
 
 
+def huygens() -> str:
+    record = load("huygens")
+    rows = [
+        (name, record["seconds"][name], r["million_per_s_median"], r["cpu_ns_each_median"])
+        for name, r in record["results"].items()
+    ]
+    ratios = list(record["wall_time_of_optiland_over_ours"].items())
+    parts = [
+        "## Huygens' point spread function\n\n" + where(record),
+        f"{record['rays']} rays (a disc, 128 across) onto 128 x 128 points, Navarro's eye in "
+        'focus. "sum" is the summation with its copies to and from the device; "whole" starts '
+        "from the eye and traces the rays as well. optiland's sum is compiled by numba and uses "
+        "all processors, too.",
+        table(("", "seconds", "million pairs/s", "CPU ns a pair"), rows),
+    ]
+    if ratios:
+        parts.append(table(("wall time of optiland over ours", "times"), ratios))
+        parts.append(
+            "Largest difference of both PSFs, of their peaks: "
+            f"{number(record['largest_difference'])}; optiland has an obliquity factor and "
+            "samples the pupil on another grid."
+        )
+    return "\n\n".join(parts)
+
+
 def startup() -> str:
     record = load("startup")
     rows = [
@@ -246,6 +271,7 @@ def page() -> str:
         mesh,
         paths,
         path_features,
+        huygens,
         startup,
         paper_scene,
         convergence,

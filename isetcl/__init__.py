@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from isetcl.device.huygens import huygens_psf
 from isetcl.errors import (
     DeviceError,
     FileError,
@@ -18,6 +19,10 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
+from isetcl.eye.artificial_pupil import ArtificialPupil
+from isetcl.eye.contact_lens import ContactLens
+from isetcl.eye.files.load import load_eye
+from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -25,11 +30,23 @@ from isetcl.eye.media import (
     Medium,
     NavarroDispersion,
     SellmeierDispersion,
+    TabulatedDispersion,
 )
-from isetcl.eye.model import Eye, Retina, Stop, Surface
+from isetcl.eye.model import Eye
 from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
+from isetcl.eye.placement import Placement
+from isetcl.eye.ray_bending import Hurb
 from isetcl.eye.rays import RayBundle, RayStatus
+from isetcl.eye.retina import Retina
 from isetcl.eye.scatter import ScatterModel
+from isetcl.eye.shapes.biconic import Biconic
+from isetcl.eye.shapes.even_asphere import EvenAsphere
+from isetcl.eye.shapes.height_map import HeightMap
+from isetcl.eye.shapes.toric import Toric
+from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.spectacles import SpectacleLens
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface
 
 # The function `render` takes the place of the package of the same name as an attribute of isetcl;
 # `from isetcl.render.plan import ...` goes on working.
@@ -69,11 +86,14 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
+    "ArtificialPupil",
+    "Biconic",
     "Checkerboard",
     "Coated",
     "ComplexIndex",
     "Conductor",
     "ConstantIndex",
+    "ContactLens",
     "CornuDispersion",
     "DeviceError",
     "Dielectric",
@@ -83,12 +103,16 @@ __all__ = [
     "DistantLight",
     "Emission",
     "Environment",
+    "EvenAsphere",
     "Eye",
     "FileError",
     "FocusError",
     "Grid",
+    "HeightMap",
+    "Hurb",
     "Image",
     "Instance",
+    "IntraocularLens",
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
@@ -101,6 +125,7 @@ __all__ = [
     "OcularMedia",
     "OutOfMemoryError",
     "PinholeView",
+    "Placement",
     "Plan",
     "PointLight",
     "Quad",
@@ -113,20 +138,26 @@ __all__ = [
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
+    "SpectacleLens",
     "SpectralCube",
     "Spectrum",
     "Sphere",
     "SpotLight",
     "Stop",
     "Surface",
+    "TabulatedDispersion",
+    "Toric",
     "TwoSided",
     "UnlitReflectance",
+    "ZernikeSag",
     "__version__",
     "blackbody",
     "display_primaries",
     "eyes",
     "glass",
+    "huygens_psf",
     "load_cube",
+    "load_eye",
     "load_image",
     "load_mesh",
     "load_mesh_scene",

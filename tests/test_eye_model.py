@@ -6,7 +6,7 @@ import math
 import pytest
 
 import isetcl as ic
-from isetcl.eye.model import conic_sag
+from isetcl.eye.surface import conic_sag
 
 WATER = ic.Medium("water", ic.ConstantIndex(1.33))
 

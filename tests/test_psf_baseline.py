@@ -505,3 +505,45 @@ def test_a_view_that_does_not_fit_into_memory_is_refused(monkeypatch):
     monkeypatch.setattr(memory, "available_bytes", lambda: 64 << 20)
     with pytest.raises(ic.OutOfMemoryError, match=r"a view of .* would fit"):
         ic.psf_baseline.render(ic.scenes.two_planes(), ic.eyes.navarro(4, 2), resolution=2000)
+
+
+UNIT = ic.Spectrum.constant(1.0)
+ONE_SIDED = {
+    "quad": ic.Quad((-0.1, -0.1, -1.0), (0.2, 0, 0), (0, 0.2, 0)),
+    "quad turned": ic.Quad((0.1, -0.1, -1.0), (-0.2, 0, 0), (0, 0.2, 0)),
+    "disc": ic.Disc((0.0, 0.0, -1.0), 0.1, (0.0, 0.0, 1.0)),
+    "disc turned": ic.Disc((0.0, 0.0, -1.0), 0.1, (0.0, 0.0, -1.0)),
+    "ball": ic.Sphere((0.0, 0.0, -1.2), 0.2),
+    "ball around": ic.Sphere((0.0, 0.0, 0.0), 1.0),
+    "mesh": ic.Mesh([[-1, -1, -1], [1, -1, -1], [0, 1, -1]], [[0, 1, 2]]),
+    "mesh turned": ic.Mesh([[-1, -1, -1], [1, -1, -1], [0, 1, -1]], [[0, 2, 1]]),
+}
+
+
+@pytest.mark.parametrize("name", ONE_SIDED)
+def test_a_one_sided_lamp_is_dark_from_behind(name):
+    """The side that the right-handed normal points to is lit, and only that."""
+    lamp = ic.SceneObject("lamp", ONE_SIDED[name], ic.Emission(UNIT, sides="front"))
+    behind = ic.SceneObject("wall", ic.Sphere((0, 0, 0), 5.0), ic.Emission(UNIT.scaled(0.5)))
+    image = ic.psf_baseline.render(
+        ic.Scene((lamp, behind)), reduced_eye(1.0), fov_deg=0.5, resolution=4
+    )
+    lit = ic.psf_baseline.render(ic.Scene((), UNIT), reduced_eye(1.0), fov_deg=0.5, resolution=4)
+    expected = 0.0 if "turned" in name or "around" in name else 1.0
+    ratio = image.irradiance.values / lit.irradiance.values
+    assert ratio == pytest.approx(np.full_like(ratio, expected), abs=1e-6)
+
+
+def test_a_repeated_picture_is_filtered_by_its_repeats():
+    """A hundred fine repeats blur to their mean, wherever the samples fall."""
+    texels = np.zeros((64, 64))
+    texels[:, ::2] = 1.0
+    picture = ic.Image(texels, wrap="repeat", repeats=(100.0, 100.0))
+    quad = ic.Quad((-0.1, -0.1, -1.0), (0.2, 0, 0), (0, 0.2, 0))
+    items = [ic.SceneObject("q", quad, ic.Emission(UNIT, t)) for t in (picture, None)]
+    fine, plain = (
+        ic.psf_baseline.render(ic.Scene((item,)), reduced_eye(1.0), fov_deg=1.0, resolution=8)
+        for item in items
+    )
+    ratio = fine.irradiance.values / plain.irradiance.values
+    assert ratio == pytest.approx(np.full_like(ratio, 0.5), abs=1e-3)

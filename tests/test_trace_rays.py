@@ -11,7 +11,7 @@ import isetcl as ic
 from isetcl.device.tracer import RayTracer
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.rays import RayStatus
-from isetcl.eye.sequential import intersect_conic, trace_elements
+from isetcl.eye.sequential import intersect, trace_elements
 from isetcl.eye.sequential import trace as host_trace
 
 # Largest error on the retina, mm: 0.01 um in single precision, 1e-12 mm in double.
@@ -171,7 +171,7 @@ def test_conics_of_all_kinds_agree_with_the_host(device, precision, curvature, c
     rays = run(device, precision, (element,), origins, directions)
     expected = trace_elements((element,), origins, directions, "retina")
     # The conditioning of an intersection is 1 / cos I; an eye's surfaces end 10 mm from the vertex.
-    cosine = intersect_conic(origins, directions, element, 1.0)[2]
+    cosine = intersect(origins, directions, element, 1.0).cosine
     near = np.linalg.norm(expected.positions_mm, axis=1) < 10.0
     clear = expected.passed & rays.passed & near
     assert clear.sum() >= 0.9 * (expected.passed & near & (cosine > 0.05)).sum()

@@ -11,10 +11,10 @@ from oracles import mp_trace, reduced_eye
 import isetcl as ic
 from isetcl.eye import geometric
 from isetcl.eye.field import direction_from_field
-from isetcl.eye.model import conic_sag
 from isetcl.eye.object_point import ObjectPoint, pupil_axes
 from isetcl.eye.prescription import elements
 from isetcl.eye.refraction_error import Refraction, oblique_foci
+from isetcl.eye.surface import conic_sag
 
 
 def longer(eye, by_mm):

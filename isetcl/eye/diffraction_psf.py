@@ -67,9 +67,22 @@ def psf(
     front: Wavefront, fov_arcmin: float, resolution: int, method: Method = "fraunhofer"
 ) -> DiffractionPsf:
     """The point spread function of a wavefront; see `Wavefront.psf`."""
+    check_choice("method", method, ("fraunhofer", "huygens"))
+    v = visual_angles_deg(front, fov_arcmin, resolution)
+    wave = fraunhofer(front, v, -v) if method == "fraunhofer" else huygens(front, v, -v)
+    return from_amplitude(front, wave, v)
+
+
+def visual_angles_deg(front: Wavefront, fov_arcmin: float, resolution: int) -> np.ndarray:
+    """Visual angles of the samples across a square on the retina, degrees, (resolution,).
+
+    Raises
+    ------
+    InvalidInputError
+        If the samples of the wavefront are too few for the aberrations or for this width.
+    """
     width = check_positive("fov_arcmin", fov_arcmin, "arcmin")
     count = check_count("resolution", resolution, 2, 4096)
-    check_choice("method", method, ("fraunhofer", "huygens"))
     front.check_sampling()
     largest = ARCMIN_PER_DEG / front.step_cpd
     if width > largest * (1 + 1e-9):
@@ -78,10 +91,13 @@ def psf(
             f"fov_arcmin must be at most {largest:.4g} arcmin with {front.samples} samples across "
             f"the pupil, got {width:g}; use samples={wanted} or a smaller width"
         )
-    x = (np.arange(count) - (count - 1) / 2.0) * width / count
-    v = x / ARCMIN_PER_DEG
-    wave = fraunhofer(front, v, -v) if method == "fraunhofer" else huygens(front, v, -v)
+    return (np.arange(count) - (count - 1) / 2.0) * width / count / ARCMIN_PER_DEG
+
+
+def from_amplitude(front: Wavefront, wave: np.ndarray, v_deg: np.ndarray) -> DiffractionPsf:
+    """The point spread function of amplitudes at columns `v_deg` and rows `-v_deg`."""
     per_arcmin2 = 1.0 / ARCMIN_PER_DEG**2
+    x = v_deg * ARCMIN_PER_DEG
     return DiffractionPsf(
         np.abs(wave) ** 2 * per_arcmin2,
         x,

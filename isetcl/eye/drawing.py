@@ -1,30 +1,33 @@
-"""Drawings of an eye and of its image quality on matplotlib axes; nothing here computes a result.
+"""The section of an eye on matplotlib axes; nothing here computes a result.
 
 matplotlib is imported only when something is drawn.
 """
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError
-from isetcl.eye.diffraction_psf import DiffractionPsf
-from isetcl.eye.geometric import Spot
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.object_point import ObjectPoint
-from isetcl.eye.otf import OpticalTransfer
+from isetcl.eye.picture_parts import FIELD_COLOURS, GREY, axes_or_new
+from isetcl.eye.ray_fan import half_chord_mm
 from isetcl.eye.sequential import trace_elements
-from isetcl.eye.wavefront import Wavefront
+from isetcl.eye.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_RAY_COLOURS = ("#1f4e79", "#c0392b", "#2e8b57", "#8e44ad")
-_GREY = "0.25"
+OPTIONS = ("fields_deg", "wavelength_nm", "rays", "object_distance_m")
+"""Keyword arguments of `draw_eye`."""
+
 _LEAD_MM = 4.0
+_DENSE_INDEX = 1.35
+_RIM: dict[str, Any] = {"color": GREY, "lw": 0.8}
 
 
 def draw_eye(
@@ -34,8 +37,9 @@ def draw_eye(
     fields_deg: Sequence[float] = (0.0,),
     wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
     rays: int = 7,
+    object_distance_m: float = math.inf,
 ) -> Axes:
-    """The section of an eye in the plane x = 0, with rays from infinity; returns the axes.
+    """The section of an eye in the plane x = 0, with rays; returns the axes.
 
     Parameters
     ----------
@@ -47,19 +51,19 @@ def draw_eye(
         Wavelength of the rays, nm.
     rays
         Rays of each field angle, evenly over the stop.
+    object_distance_m
+        Distance of the objects from the corneal vertex, m.
     """
-    axes = _axes(ax)
-    for surface in eye.surfaces:
-        y = np.linspace(-surface.semi_diameter_mm, surface.semi_diameter_mm, 201)
-        axes.plot(surface.vertex_z_mm + surface.sag_mm(np.abs(y)), y, color=_GREY, lw=1.4)
-    widest = max(surface.semi_diameter_mm for surface in eye.surfaces)
-    for side in (-1, 1):
-        blade = [side * eye.stop.radius_mm, side * widest]
-        axes.plot([eye.stop.z_mm] * 2, blade, color="black", lw=3)
-    axes.plot(*_retina_outline(eye), color=_GREY, lw=1.4)
-    for field, colour in zip(fields_deg, _RAY_COLOURS * len(fields_deg), strict=False):
-        for z, y in _ray_paths(eye, float(field), wavelength_nm, rays):
-            axes.plot(z, y, color=colour, lw=0.6)
+    axes = axes_or_new(ax)
+    sections = [_section(surface) for surface in eye.surfaces]
+    for section in sections:
+        axes.plot(*section, color=GREY, lw=1.4)
+    _fill_tissue(axes, eye, sections, wavelength_nm)
+    _draw_stop(axes, eye)
+    axes.plot(*_retina_outline(eye), color=GREY, lw=1.4)
+    for field, colour in zip(fields_deg, FIELD_COLOURS * len(fields_deg), strict=False):
+        for z, y in _ray_paths(eye, float(field), wavelength_nm, rays, object_distance_m):
+            axes.plot(z, y, color=colour, lw=0.7)
     axes.set_aspect("equal")
     axes.set_xlabel("z (mm)")
     axes.set_ylabel("y (mm)")
@@ -67,119 +71,49 @@ def draw_eye(
     return axes
 
 
-def draw_opd(front: Wavefront, ax: Axes | None = None) -> Axes:
-    """The wavefront error over the pupil, um; returns the axes."""
-    axes = _axes(ax)
-    limit = float(np.nanmax(np.abs(front.opd_um), initial=1e-12))
-    drawn = axes.imshow(
-        front.opd_um,
-        extent=_extent(front.x_cpd, front.y_cpd),
-        cmap="RdBu_r",
-        vmin=-limit,
-        vmax=limit,
-    )
-    axes.figure.colorbar(drawn, ax=axes, label="wavefront error (um)")
-    axes.set_xlabel("pupil, x (cycles/degree)")
-    axes.set_ylabel("pupil, y (cycles/degree)")
-    axes.set_title(f"RMS {front.rms_um:.3g} um, {front.wavelength_nm:g} nm")
-    return axes
+def _section(surface: Surface) -> tuple[np.ndarray, np.ndarray]:
+    """(z, y) along the meridian of a surface that lies nearest to the plane x = 0."""
+    height = np.linspace(-surface.semi_diameter_mm, surface.semi_diameter_mm, 201)
+    placement = surface.placement
+    if placement is None:
+        return surface.vertex_z_mm + surface.sag_mm(0.0, height), height
+    up = placement.rotation[1, :2]
+    x, y = height * up[:, None] / np.linalg.norm(up)
+    own = np.stack([x, y, surface.sag_mm(x, y)], axis=1)
+    point = own @ placement.rotation.T
+    return surface.vertex_z_mm + point[:, 2], placement.decentre_mm[1] + point[:, 1]
 
 
-def draw_psf(psf: DiffractionPsf, ax: Axes | None = None, *, decades: float | None = None) -> Axes:
-    """A point spread function, linear or over some decades below its peak; returns the axes."""
-    axes = _axes(ax)
-    values = psf.relative
-    label = "relative to the peak without aberrations"
-    if decades is not None:
-        values = np.log10(np.maximum(values, values.max() * 10.0**-decades))
-        label = "log10, " + label
-    drawn = axes.imshow(values, extent=_extent(psf.x_arcmin, psf.y_arcmin), cmap="inferno")
-    axes.figure.colorbar(drawn, ax=axes, label=label)
-    axes.set_xlabel("x (arcmin)")
-    axes.set_ylabel("y (arcmin)")
-    return axes
+def _fill_tissue(
+    axes: Axes, eye: Eye, sections: list[tuple[np.ndarray, np.ndarray]], wavelength_nm: float
+) -> None:
+    """Tint what is denser than aqueous and vitreous: cornea, lens, lenses in front."""
+    index = eye.indices(wavelength_nm)
+    for i, (front, back) in enumerate(itertools.pairwise(sections)):
+        if index[i + 1] > _DENSE_INDEX:
+            z = np.concatenate([front[0], back[0][::-1]])
+            y = np.concatenate([front[1], back[1][::-1]])
+            axes.fill(z, y, color=FIELD_COLOURS[0], alpha=0.1, lw=0)
+            for rim in (0, -1):
+                axes.plot([front[0][rim], back[0][rim]], [front[1][rim], back[1][rim]], **_RIM)
 
 
-def draw_mtf(
-    transfer: OpticalTransfer, ax: Axes | None = None, *, largest_cpd: float = 60.0
-) -> Axes:
-    """MTF across vertical and horizontal stripes, and without aberrations; returns the axes."""
-    axes = _axes(ax)
-    frequency = np.linspace(0.0, largest_cpd, 121)
-    for orientation, label in ((0.0, "vertical stripes"), (90.0, "horizontal stripes")):
-        axes.plot(frequency, transfer.mtf(frequency, orientation), label=label)
-    row = int(np.argmin(np.abs(transfer.y_cpd)))
-    shown = (transfer.x_cpd >= 0) & (transfer.x_cpd <= largest_cpd)
-    ideal = transfer.without_aberrations[row][shown]
-    axes.plot(transfer.x_cpd[shown], ideal, color="0.6", ls="--", label="without aberrations")
-    axes.set_xlabel("spatial frequency (cycles/degree)")
-    axes.set_ylabel("modulation transfer")
-    axes.set_ylim(0.0, 1.0)
-    axes.legend()
-    return axes
-
-
-def draw_spot(spot: Spot, ax: Axes | None = None) -> Axes:
-    """A spot diagram; returns the axes."""
-    axes = _axes(ax)
-    axes.plot(spot.x_arcmin, spot.y_arcmin, ".", ms=1.5, color=_RAY_COLOURS[0])
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel("x (arcmin)")
-    axes.set_ylabel("y (arcmin)")
-    axes.set_title(f"RMS {spot.rms_arcmin:.3g} arcmin, {spot.wavelength_nm:g} nm")
-    return axes
-
-
-def draw_ray_fan(
-    eye: Eye,
-    ax: Axes | None = None,
-    *,
-    field_deg: float = 0.0,
-    wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
-) -> Axes:
-    """Where rays of the two principal sections land, against where they enter; returns the axes.
-
-    The field is upwards: the tangential section is that of y.
-    """
-    from isetcl.eye.visual_angle import retinal_scale, visual_angle_deg
-
-    axes = _axes(ax)
-    source = ObjectPoint(eye, field_deg, wavelength_nm)
-    chief = source.chief()
-    scale = retinal_scale(eye.retina, source.map, source.field_deg)
-    height = eye.stop.radius_mm * np.linspace(-1.0, 1.0, 81)
-    for column, label in ((1, "tangential"), (0, "sagittal")):
-        stop = np.zeros((len(height), 2))
-        stop[:, column] = height
-        points, found = source.aim(stop)
-        rays = source.trace(points)
-        used = found & rays.passed
-        seen = 60.0 * visual_angle_deg(rays.point_mm - chief.point_mm[0], scale)[used, column]
-        axes.plot((points - chief.entrance_mm[0])[used, column], seen, label=label)
-    axes.set_xlabel("height in the entrance pupil (mm)")
-    axes.set_ylabel("ray error (arcmin)")
-    axes.legend()
-    return axes
-
-
-def draw_through_focus(
-    vergences_dpt: np.ndarray, values: np.ndarray, ax: Axes | None = None, *, label: str = "strehl"
-) -> Axes:
-    """A curve of `refraction_error.through_focus`; returns the axes."""
-    axes = _axes(ax)
-    axes.plot(vergences_dpt, values, label=label)
-    axes.set_xlabel("vergence of the object (dpt)")
-    axes.set_ylabel(label)
-    return axes
+def _draw_stop(axes: Axes, eye: Eye) -> None:
+    """The two halves of the iris."""
+    widest = max(surface.semi_diameter_mm for surface in eye.surfaces)
+    middle, half = eye.stop.decentre_mm[1], half_chord_mm(eye.stop, 1)
+    for side in (-1, 1):
+        blade = [middle + side * half, middle + side * max(widest, 1.2 * half)]
+        axes.plot([eye.stop.z_mm] * 2, blade, color="black", lw=3, solid_capstyle="butt")
 
 
 def _ray_paths(
-    eye: Eye, field_deg: float, wavelength_nm: float, count: int
+    eye: Eye, field_deg: float, wavelength_nm: float, count: int, object_distance_m: float
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """(z, y) along rays of one field angle, from in front of the cornea to the retina."""
-    source = ObjectPoint(eye, field_deg, wavelength_nm)
-    stop = np.zeros((count, 2))
-    stop[:, 1] = eye.stop.radius_mm * np.linspace(-0.999, 0.999, count)
+    source = ObjectPoint(eye, field_deg, wavelength_nm, object_distance_m)
+    stop = np.tile(eye.stop.decentre_mm, (count, 1))
+    stop[:, 1] += half_chord_mm(eye.stop, 1) * np.linspace(-0.999, 0.999, count)
     points, found = source.aim(stop)
     origins, directions = source.launch(points)
     rays = trace_elements(source.sequence, origins, directions, "retina", record_hits=True)
@@ -198,16 +132,3 @@ def _retina_outline(eye: Eye) -> tuple[np.ndarray, np.ndarray]:
     field = np.linspace(-chief.max_field_deg, chief.max_field_deg, 201)
     points = chief.retinal_point_mm(np.zeros_like(field), field)
     return points[:, 2], points[:, 1]
-
-
-def _extent(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float, float]:
-    half = abs(float(x[1] - x[0])) / 2.0
-    return (float(x[0]) - half, float(x[-1]) + half, float(y[-1]) - half, float(y[0]) + half)
-
-
-def _axes(ax: Axes | None) -> Axes:
-    import matplotlib.pyplot as plt
-
-    if ax is not None and not hasattr(ax, "imshow"):
-        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
-    return plt.subplots()[1] if ax is None else ax

@@ -19,6 +19,7 @@ from isetcl.eye.wavefront import Wavefront
 from isetcl.units import ARCMIN_PER_DEG
 
 _DEGREE = 12
+_FEWEST_RINGS = 9  # 26 spokes: 24 would not tell cos(12 phi) from 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +101,15 @@ def spot(
     InvalidInputError
         If an argument breaks its rule, or rays are vignetted.
     """
-    rings = check_count("rings", rings, 8, 400)
+    rings = check_count("rings", rings, _FEWEST_RINGS, 400)
     source = ObjectPoint(eye, field_deg, wavelength_nm, object_distance_m)
     chief = source.chief()
     nodes, shares = np.polynomial.legendre.leggauss(rings)
     spokes = 2 * rings + 8
     turn = 2.0 * np.pi * (np.arange(spokes) + 0.5) / spokes
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    radius = eye.stop.radius_mm * np.sqrt((nodes + 1.0) / 2.0)
-    stop = (radius[:, None, None] * circle).reshape(-1, 2)
+    radius = np.sqrt((nodes + 1.0) / 2.0)
+    stop = eye.stop.rim_mm((radius[:, None, None] * circle).reshape(-1, 2))
     points, found = source.aim(stop)
     rays = source.trace(points)
     if not (found & rays.passed).all():

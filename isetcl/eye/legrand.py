@@ -10,7 +10,9 @@ from typing import Literal
 from isetcl.errors import check_choice
 from isetcl.eye.build import Face, PupilSpec, cornea_surfaces, lens_surfaces
 from isetcl.eye.media import CornuDispersion, Dispersion, Medium
-from isetcl.eye.model import Eye, Retina, Stop
+from isetcl.eye.model import Eye
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
 
 LeGrandState = Literal["relaxed", "accommodated"]
 

@@ -14,20 +14,21 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import (
-    InvalidInputError,
-    check_choice,
-    check_finite,
-    check_number,
-    check_positive,
-    check_type,
-)
+from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
+from isetcl.eye.pictures import EyePictures
+from isetcl.eye.retina import Retina
+from isetcl.eye.stop import Stop
+from isetcl.eye.surface import Surface
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from matplotlib.axes import Axes
 
+    from isetcl.eye.changes import ChamberStart, EyeChange, ShiftHold
     from isetcl.eye.field import FieldMap
+    from isetcl.eye.field_plane import FieldPlane
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
 
@@ -38,156 +39,6 @@ REFERENCE_WAVELENGTH_NM = 550.0
 """Wavelength, nm, of focus and of the retinal grid unless another is named (the paper's)."""
 
 _SAME_PLANE_MM = 1e-9
-
-
-def conic_sag(rho_mm: np.ndarray | float, curvature: float, conic: float) -> np.ndarray:
-    """Sag z(rho) of a conic of revolution, mm: c rho^2 / (1 + sqrt(1 - (1 + k) c^2 rho^2)).
-
-    NaN beyond the rim. For building geometry only; ray hits are never re-projected on it, because
-    they may lie behind the equator.
-    """
-    rho2 = np.square(rho_mm)
-    with np.errstate(invalid="ignore"):
-        root = np.sqrt(1.0 - (1.0 + conic) * curvature**2 * rho2)
-    return curvature * rho2 / (1.0 + root)
-
-
-@dataclass(frozen=True)
-class Surface:
-    """A refracting conic of revolution, c (x^2 + y^2 + (1 + k) z^2) - 2 z = 0 from its vertex.
-
-    Parameters
-    ----------
-    name
-        For messages and drawings, "cornea front".
-    vertex_z_mm
-        Where the surface meets the axis, mm behind the corneal vertex.
-    curvature
-        c = 1/R, 1/mm; 0 is a plane; > 0 if the centre lies at larger z.
-    conic
-        k: 0 sphere, -1 paraboloid, < -1 hyperboloid.
-    semi_diameter_mm
-        Largest distance from the axis at which the surface exists, mm.
-    medium_after
-        The medium on the retinal side.
-    """
-
-    name: str
-    vertex_z_mm: float
-    curvature: float
-    conic: float
-    semi_diameter_mm: float
-    medium_after: Medium
-
-    def __post_init__(self) -> None:
-        label = f"surface {self.name!r}"
-        check_type("surface: name", self.name, str)
-        for name, unit in (("vertex_z_mm", "mm"), ("curvature", "1/mm"), ("conic", "")):
-            value = check_finite(f"{label}: {name}", getattr(self, name), unit)
-            object.__setattr__(self, name, value)
-        check_positive(f"{label}: semi_diameter_mm", self.semi_diameter_mm, "mm")
-        check_type(f"{label}: medium_after", self.medium_after, Medium)
-        rim2 = (1.0 + self.conic) * (self.curvature * self.semi_diameter_mm) ** 2
-        if rim2 >= 1.0:
-            reach = 1.0 / (abs(self.curvature) * math.sqrt(1.0 + self.conic))
-            raise InvalidInputError(
-                f"{label}: semi_diameter_mm must be < {reach:.6g} mm, where this conic ends, "
-                f"got {self.semi_diameter_mm:g}"
-            )
-
-    @classmethod
-    def from_radius(
-        cls,
-        name: str,
-        vertex_z_mm: float,
-        radius_mm: float,
-        *,
-        conic: float = 0.0,
-        semi_diameter_mm: float,
-        medium_after: Medium,
-    ) -> Surface:
-        """A surface given by its vertex radius of curvature in mm; `inf` is a plane.
-
-        Raises
-        ------
-        InvalidInputError
-            If the radius is zero or NaN.
-        """
-        curvature = _curvature(f"surface {name!r}: radius_mm", radius_mm)
-        return cls(name, vertex_z_mm, curvature, conic, semi_diameter_mm, medium_after)
-
-    @property
-    def radius_mm(self) -> float:
-        """Vertex radius of curvature, mm; `inf` for a plane."""
-        return math.inf if self.curvature == 0 else 1.0 / self.curvature
-
-    def sag_mm(self, rho_mm: np.ndarray | float) -> np.ndarray:
-        """Position z - vertex_z at distance rho from the axis, mm."""
-        return conic_sag(rho_mm, self.curvature, self.conic)
-
-
-@dataclass(frozen=True)
-class Stop:
-    """The physical iris: a circular hole in an opaque plane.
-
-    Parameters
-    ----------
-    z_mm
-        Position of the plane behind the corneal vertex, mm.
-    diameter_mm
-        Diameter of the hole, mm. A ray that meets the edge exactly passes.
-    """
-
-    z_mm: float
-    diameter_mm: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "z_mm", check_finite("stop: z_mm", self.z_mm, "mm"))
-        diameter = check_positive("stop: diameter_mm", self.diameter_mm, "mm")
-        object.__setattr__(self, "diameter_mm", diameter)
-
-    @property
-    def radius_mm(self) -> float:
-        """Radius of the hole, mm."""
-        return self.diameter_mm / 2.0
-
-
-@dataclass(frozen=True)
-class Retina:
-    """The surface that receives the image: a conic of revolution, concave towards the lens.
-
-    Parameters
-    ----------
-    vertex_z_mm
-        Where it meets the axis, mm behind the corneal vertex (the axial length).
-    curvature
-        c = 1/R, 1/mm, <= 0: the centre of curvature lies in front of the retina.
-    conic
-        k of the conic, 0 for a sphere.
-    """
-
-    vertex_z_mm: float
-    curvature: float
-    conic: float = 0.0
-
-    def __post_init__(self) -> None:
-        check_positive("retina: vertex_z_mm", self.vertex_z_mm, "mm")
-        check_finite("retina: conic", self.conic)
-        if check_finite("retina: curvature", self.curvature, "1/mm") > 0:
-            raise InvalidInputError(
-                "retina: curvature must be <= 0 1/mm (centre of curvature in front of the "
-                f"retina), got {self.curvature:g}; pass a negative radius"
-            )
-
-    @classmethod
-    def from_radius(cls, vertex_z_mm: float, radius_mm: float, conic: float = 0.0) -> Retina:
-        """A retina given by its radius of curvature, mm, negative (Navarro: -12)."""
-        return cls(vertex_z_mm, _curvature("retina: radius_mm", radius_mm), conic)
-
-    @property
-    def radius_mm(self) -> float:
-        """Vertex radius of curvature, mm (negative); `-inf` for a plane."""
-        return -math.inf if self.curvature == 0 else 1.0 / self.curvature
 
 
 class AccommodationModel(Protocol):
@@ -202,7 +53,7 @@ class AccommodationModel(Protocol):
 
 
 @dataclass(frozen=True)
-class Eye:
+class Eye(EyePictures):
     """A sequential model eye.
 
     Parameters
@@ -210,7 +61,8 @@ class Eye:
     name
         Name of the model.
     surfaces
-        Refracting surfaces in the order light meets them, corneal front first (vertex at z = 0).
+        Refracting surfaces in the order light meets them. The front of the cornea has its vertex at
+        z = 0; lenses in front of it, as spectacles, come before it.
     stop
         The iris. It acts before the first surface whose vertex is at or behind its plane.
     retina
@@ -219,6 +71,9 @@ class Eye:
         The medium in front of the first surface, air by default.
     accommodation_model, accommodation_parameter
         The family this eye belongs to and its place in it; None for an eye that cannot accommodate.
+    fovea_deg
+        Field angles (x, y) of the direction that the fovea sees, degrees from the optical axis. In
+        human eyes about 5 degrees nasally: to the left (x < 0) for a right eye.
 
     Raises
     ------
@@ -233,17 +88,23 @@ class Eye:
     medium_before: Medium = AIR
     accommodation_model: AccommodationModel | None = None
     accommodation_parameter: float | None = None
+    fovea_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         self._check_types()
         if not self.surfaces:
             raise InvalidInputError(f"eye {self.name!r} needs at least one refracting surface")
-        if self.surfaces[0].vertex_z_mm != 0.0:
+        z = [surface.vertex_z_mm for surface in self.surfaces]
+        if z[0] > 0.0 or 0.0 not in z:
             raise InvalidInputError(
-                f"eye {self.name!r}: the first surface must have vertex_z_mm = 0 (the origin of "
-                f"the eye frame), got {self.surfaces[0].vertex_z_mm:g}"
+                f"eye {self.name!r}: the front of the cornea must have vertex_z_mm = 0 (the origin "
+                f"of the eye frame), with nothing but lenses in front of it, got {z[0]:g} mm for "
+                f"the first surface, {self.surfaces[0].name!r}"
             )
         self._check_order()
+        from isetcl.eye.gradient_check import check_gradients
+
+        check_gradients(self, REFERENCE_WAVELENGTH_NM)
 
     def _check_types(self) -> None:
         """Refuse parts that are no parts of an eye."""
@@ -256,6 +117,9 @@ class Eye:
         check_type(f"{label}: stop", self.stop, Stop)
         check_type(f"{label}: retina", self.retina, Retina)
         check_type(f"{label}: medium_before", self.medium_before, Medium)
+        object.__setattr__(
+            self, "fovea_deg", check_pair(f"{label}: fovea_deg", self.fovea_deg, "deg")
+        )
         if self.accommodation_model is not None and not hasattr(self.accommodation_model, "eye"):
             raise InvalidInputError(
                 f"{label}: accommodation_model must have `eye` and `parameter_range`, got "
@@ -267,7 +131,7 @@ class Eye:
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
         for front, back in zip(self.surfaces, self.surfaces[1:], strict=False):
             rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), 65)
-            gap = back.vertex_z_mm + back.sag_mm(rho) - front.vertex_z_mm - front.sag_mm(rho)
+            gap = smallest_gap_mm(front, back, rho)
             if np.min(gap) < 0:
                 at = rho[np.argmax(gap < 0)]
                 raise InvalidInputError(
@@ -284,7 +148,9 @@ class Eye:
             )
         for surface in self.surfaces[: self.stop_index]:
             edge = min(self.stop.radius_mm, surface.semi_diameter_mm)
-            if surface.vertex_z_mm + float(surface.sag_mm(edge)) > self.stop.z_mm:
+            turn = np.linspace(0.0, 2.0 * np.pi, 17)
+            sag = surface.sag_mm(edge * np.cos(turn), edge * np.sin(turn))
+            if surface.vertex_z_mm + float(np.max(sag)) > self.stop.z_mm:
                 raise InvalidInputError(
                     f"eye {self.name!r}: the stop (radius {self.stop.radius_mm:g} mm, at "
                     f"{self.stop.z_mm:g} mm) cuts surface {surface.name!r}; make the stop smaller "
@@ -298,6 +164,21 @@ class Eye:
         A vertex that lies in the plane of the stop, to rounding, is behind it.
         """
         return sum(s.vertex_z_mm < self.stop.z_mm - _SAME_PLANE_MM for s in self.surfaces)
+
+    @property
+    def is_rotational(self) -> bool:
+        """Whether everything is a surface of revolution about the axis of the eye."""
+        return (
+            all(surface.is_rotational for surface in self.surfaces)
+            and self.stop.is_rotational
+            and self.retina.is_rotational
+        )
+
+    def asymmetries(self) -> list[str]:
+        """What keeps the eye from being a figure of revolution, by name."""
+        names = [surface.name for surface in self.surfaces if not surface.is_rotational]
+        names += ["stop"] * (not self.stop.is_rotational)
+        return names + ["retina"] * (not self.retina.is_rotational)
 
     @property
     def axial_length_mm(self) -> float:
@@ -321,17 +202,23 @@ class Eye:
 
     def wavelength_range_nm(self) -> tuple[float, float]:
         """The wavelengths at which every medium is defined, nm."""
-        ranges = [m.dispersion.range_nm for m in self.media()]
+        ranges = [m.range_nm for m in self.media()]
         return max(r[0] for r in ranges), min(r[1] for r in ranges)
 
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:
         """Equivalent power in dioptres at a wavelength in nm (paraxial).
+
+        Of an astigmatic eye the mean of its principal meridians; see `isetcl.eye.astigmatism`.
 
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium.
         """
+        if not self.is_rotational:
+            from isetcl.eye import astigmatism
+
+            return astigmatism.principal_meridians(self, wavelength_nm).mean_dpt
         return self.cardinal_points(wavelength_nm).power_dpt
 
     def cardinal_points(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> CardinalPoints:
@@ -417,17 +304,175 @@ class Eye:
 
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
 
-    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap:
+    def changed(self, change: EyeChange) -> Eye:
+        """The eye with a change, in every state of accommodation.
+
+        Parameters
+        ----------
+        change
+            A lens in front of the eye or in it (`SpectacleLens`, `ContactLens`, `IntraocularLens`),
+            an `ArtificialPupil`, or anything else with a method `apply` from one eye to another.
+        """
+        from isetcl.eye import changes
+
+        return changes.altered(self, change)
+
+    def with_fovea(self, fovea_deg: tuple[float, float]) -> Eye:
+        """The eye with its fovea where the field angles (x, y) are seen, degrees."""
+        from isetcl.eye import changes
+
+        return changes.altered(self, changes.FoveaChange(fovea_deg))
+
+    def with_pupil(
+        self,
+        diameter_mm: float,
+        plane: PupilPlane = "stop",
+        *,
+        decentre_mm: tuple[float, float] | None = None,
+        aspect: float | None = None,
+        axis_deg: float | None = None,
+    ) -> Eye:
+        """The eye with another pupil, in every state of accommodation.
+
+        Parameters
+        ----------
+        diameter_mm
+            Diameter, mm; of an elliptical stop the longer one.
+        plane
+            ``"stop"`` (the iris) or ``"entrance"`` (what a clinician measures; paraxial at 550 nm).
+        decentre_mm
+            Middle of the stop (x, y), mm; None leaves it.
+        aspect
+            Shorter diameter over the longer one, 1 for a circle; None leaves it.
+        axis_deg
+            Direction of the longer diameter, degrees from +x towards +y; None leaves it.
+        """
+        from isetcl.eye import build, changes
+
+        pupil = build.PupilSpec(diameter_mm, plane, decentre_mm, aspect, axis_deg)
+        return changes.altered(self, pupil)
+
+    def with_axial_length(self, axial_length_mm: float) -> Eye:
+        """The eye with its retina moved so that it is this long, mm.
+
+        An eye that accommodates can still do so: the whole family becomes longer by the same
+        length. The shape of the retina stays.
+
+        Raises
+        ------
+        InvalidInputError
+            If the retina would lie inside the lens.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_axial_length(self, axial_length_mm)
+
+    def with_anterior_chamber_depth(
+        self,
+        depth_mm: float,
+        *,
+        measured_from: ChamberStart = "epithelium",
+        hold: ShiftHold = "axial_length",
+    ) -> Eye:
+        """The eye with its lens, and the stop before it, moved to this depth, mm.
+
+        In an eye that accommodates the lens is moved by the same length in every state.
+
+        Parameters
+        ----------
+        depth_mm
+            From the cornea to the vertex of the lens, in the present state of accommodation.
+        measured_from
+            ``"epithelium"`` (front of the cornea) or ``"endothelium"`` (its back).
+        hold
+            What stays: ``"axial_length"`` or ``"vitreous_depth"`` (the retina moves too).
+
+        Raises
+        ------
+        InvalidInputError
+            If the lens would touch the cornea or the retina, or the cornea has one surface and the
+            depth is to be measured from its back.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_anterior_chamber_depth(
+            self, depth_mm, measured_from=measured_from, hold=hold
+        )
+
+    def with_cornea(
+        self,
+        *,
+        front_radius_mm: float | None = None,
+        back_radius_mm: float | None = None,
+        front_conic: float | None = None,
+        back_conic: float | None = None,
+    ) -> Eye:
+        """The eye with other radii, mm, or conic constants of its cornea; None leaves a number.
+
+        A surface that would end inside its semi-diameter gets a smaller one.
+
+        Raises
+        ------
+        InvalidInputError
+            If a radius is 0, the cornea has no back surface or is no conic of revolution, or its
+            surfaces cross.
+        """
+        from isetcl.eye import changes
+
+        change = changes.CorneaChange(front_radius_mm, back_radius_mm, front_conic, back_conic)
+        return changes.with_cornea(self, change)
+
+    def with_spectacle_refraction(
+        self,
+        refraction_dpt: float,
+        *,
+        vertex_distance_mm: float = 12.0,
+        wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
+    ) -> Eye:
+        """The eye made longer or shorter so that a thin spectacle lens of this power corrects it.
+
+        The retina is moved to where the far point of that lens is imaged by the relaxed eye, by
+        paraxial rays. Real rays of a wide pupil focus somewhat nearer.
+
+        Parameters
+        ----------
+        refraction_dpt
+            Power of the lens, dpt; negative for myopia.
+        vertex_distance_mm
+            From the lens to the cornea, mm; 0 is the refraction at the cornea.
+        wavelength_nm
+            Wavelength in focus, nm.
+
+        Raises
+        ------
+        InvalidInputError
+            If no length of the eye gives that refraction.
+        """
+        from isetcl.eye import changes
+
+        return changes.with_spectacle_refraction(
+            self,
+            refraction_dpt,
+            vertex_distance_mm=vertex_distance_mm,
+            wavelength_nm=wavelength_nm,
+        )
+
+    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap | FieldPlane:
         """The chief-ray map between field angle and retinal position at a wavelength in nm.
+
+        A `FieldPlane`, of two field angles, where the eye is not a figure of revolution.
 
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium, or no chief ray passes the eye.
         """
-        from isetcl.eye import field
+        from isetcl.eye import field, field_plane
 
-        return field.field_map(self, check_positive("wavelength_nm", wavelength_nm, "nm"))
+        wavelength = check_positive("wavelength_nm", wavelength_nm, "nm")
+        if self.is_rotational:
+            return field.field_map(self, wavelength)
+        return field_plane.field_plane(self, wavelength)
 
     def wavefront(
         self,
@@ -483,32 +528,61 @@ class Eye:
         )
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
-        """Draw the section of the eye with rays from infinity; returns the axes.
+        """Draw the section of the eye with rays; returns the axes.
 
         Parameters
         ----------
         ax
             Matplotlib axes; None makes a new figure.
         options
-            `fields_deg`, `wavelength_nm` and `rays` of `isetcl.eye.drawing.draw_eye`.
+            Those of `isetcl.eye.drawing.draw_eye`.
         """
         from isetcl.eye import drawing
 
         for name in options:
-            check_choice("option of plot", name, ("fields_deg", "wavelength_nm", "rays"))
+            check_choice("option of plot", name, drawing.OPTIONS)
         return drawing.draw_eye(self, ax, **options)
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""
-        description = dataclasses.asdict(
-            dataclasses.replace(self, accommodation_model=None, accommodation_parameter=None)
-        )
+        from isetcl.eye.files.values import to_values
+
+        alone = dataclasses.replace(self, accommodation_model=None)
+        description: dict[str, Any] = to_values(alone, "eye", strict=False)
         del description["accommodation_model"]
-        description["accommodation_parameter"] = self.accommodation_parameter
-        for surface, described in zip(self.surfaces, description["surfaces"], strict=True):
-            kind = type(surface.medium_after.dispersion).__name__
-            described["medium_after"]["dispersion"]["kind"] = kind
         return description
+
+    def to_json(self, path: str | Path | None = None) -> str:
+        """The eye as JSON text, with every digit; `from_json` makes the same eye of it.
+
+        Parameters
+        ----------
+        path
+            A file to write too; None writes none.
+
+        Raises
+        ------
+        InvalidInputError
+            If the eye holds a medium, shape or accommodation model of the user's own making.
+        FileError
+            If the file cannot be written.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_to_json(self, path)
+
+    @staticmethod
+    def from_json(source: str | Path) -> Eye:
+        """The eye of a file that `to_json` wrote, or of its text (which begins with a brace).
+
+        Raises
+        ------
+        FileError
+            If the file is missing or breaks the format; the message names the place in it.
+        """
+        from isetcl.eye.files import json_file
+
+        return json_file.eye_from_json(source)
 
 
 def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
@@ -521,8 +595,19 @@ def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
         )
 
 
-def _curvature(name: str, radius_mm: float) -> float:
-    radius = check_number(name, radius_mm)
-    if math.isnan(radius) or radius == 0:
-        raise InvalidInputError(f"{name} must be a non-zero number (inf is a plane), got {radius}")
-    return 0.0 if math.isinf(radius) else 1.0 / radius
+_GAP_AZIMUTHS = 24
+
+
+def smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
+    """Distance along z from one surface to the next at distances from the axis, mm, (n,).
+
+    The smallest over all azimuths; places where one of them does not reach count as open.
+    """
+    if front.is_rotational and back.is_rotational:
+        return back.vertex_z_mm + back.sag_mm(rho_mm) - front.vertex_z_mm - front.sag_mm(rho_mm)
+    from isetcl.eye.sequential import heights_mm
+
+    turn = 2.0 * np.pi * np.arange(_GAP_AZIMUTHS) / _GAP_AZIMUTHS
+    x, y = rho_mm[:, None] * np.cos(turn), rho_mm[:, None] * np.sin(turn)
+    gap = heights_mm(back, x, y) - heights_mm(front, x, y)
+    return np.asarray(np.min(np.where(np.isfinite(gap), gap, np.inf), axis=1))

@@ -181,8 +181,8 @@ class Image:
 
     @property
     def is_plain(self) -> bool:
-        """Whether the picture fills the shape once."""
-        return self.repeats == (1.0, 1.0) and self.offset == (0.0, 0.0)
+        """Whether the picture fills the shape once and ends at its borders."""
+        return (self.wrap, self.repeats, self.offset) == ("clamp", (1.0, 1.0), (0.0, 0.0))
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -6,11 +6,13 @@ methods start from.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
 
 from isetcl.scene.bvh import closest_hits
+from isetcl.scene.material import Emission
 from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Disc, Quad, Scene, SceneObject, Shape, Sphere
 from isetcl.scene.texture import Image
@@ -22,11 +24,15 @@ object is then seen; the kernels have the same rule in their own precision."""
 
 @dataclass(frozen=True, eq=False)
 class Hits:
-    """Where rays meet one shape: distance along the ray in metres (inf for a miss), and (u, v)."""
+    """Where rays meet one shape: distance along the ray in metres (inf for a miss), and (u, v).
+
+    `is_front` is true where the side is met that the normal points to.
+    """
 
     distance_m: np.ndarray
     u: np.ndarray
     v: np.ndarray
+    is_front: np.ndarray
 
 
 def intersect(shape: Shape, origins_m: np.ndarray, directions: np.ndarray) -> Hits:
@@ -41,7 +47,8 @@ def intersect(shape: Shape, origins_m: np.ndarray, directions: np.ndarray) -> Hi
     hits = _intersect_quad(quad, origins_m, directions)
     if isinstance(shape, Disc):
         outside = (hits.u - 0.5) ** 2 + (hits.v - 0.5) ** 2 >= 0.25
-        return Hits(np.where(outside, np.inf, hits.distance_m), hits.u, hits.v)
+        distance = np.where(outside, np.inf, hits.distance_m)
+        return dataclasses.replace(hits, distance_m=distance)
     return hits
 
 
@@ -53,7 +60,10 @@ def _intersect_quad(quad: Quad, origins: np.ndarray, directions: np.ndarray) -> 
         point = origins + distance[..., None] * directions - corner
         u, v = point @ axis_u, point @ axis_v
         hit = (distance > 0) & (u >= 0) & (u < 1) & (v >= 0) & (v < 1)
-    return Hits(np.where(hit, distance, np.inf), np.where(hit, u, 0.0), np.where(hit, v, 0.0))
+        is_front = np.broadcast_to(directions @ normal < 0, hit.shape)
+    return Hits(
+        np.where(hit, distance, np.inf), np.where(hit, u, 0.0), np.where(hit, v, 0.0), is_front
+    )
 
 
 def plane_axes(quad: Quad) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -71,13 +81,14 @@ def _intersect_sphere(sphere: Sphere, origins: np.ndarray, directions: np.ndarra
     foot = relative + nearest[..., None] * directions
     half2 = sphere.radius_m**2 - np.einsum("...i,...i->...", foot, foot)
     half = np.sqrt(np.maximum(half2, 0.0))
-    distance = np.where(nearest - half > 0, nearest - half, nearest + half)
+    is_front = nearest - half > 0
+    distance = np.where(is_front, nearest - half, nearest + half)
     hit = (half2 > 0) & (distance > 0)
     with np.errstate(invalid="ignore"):
         n = (relative + np.where(hit, distance, 0.0)[..., None] * directions) / sphere.radius_m
     u = np.arctan2(n[..., 0], n[..., 2]) / (2.0 * np.pi) % 1.0
     v = 0.5 + np.arctan2(n[..., 1], np.hypot(n[..., 0], n[..., 2])) / np.pi
-    return Hits(np.where(hit, distance, np.inf), u, v)
+    return Hits(np.where(hit, distance, np.inf), u, v, is_front)
 
 
 def _intersect_mesh(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> Hits:
@@ -87,22 +98,32 @@ def _intersect_mesh(mesh: Mesh, origins: np.ndarray, directions: np.ndarray) -> 
     )
     uv = np.zeros((len(distance), 2))
     hit = triangle >= 0
+    corner_m = mesh.triangles_m[triangle]
+    normal = np.cross(corner_m[:, 1] - corner_m[:, 0], corner_m[:, 2] - corner_m[:, 0])
+    is_front = np.einsum("ij,ij->i", normal, directions.reshape(-1, 3)) < 0
     if mesh.uv is not None:
         corner = mesh.uv[mesh.faces[triangle[hit]]]
         b, c = weight[hit, :1], weight[hit, 1:]
         uv[hit] = (1 - b - c) * corner[:, 0] + b * corner[:, 1] + c * corner[:, 2]
     shape = origins.shape[:-1]
-    return Hits(distance.reshape(shape), uv[:, 0].reshape(shape), uv[:, 1].reshape(shape))
+    parts = (distance, uv[:, 0], uv[:, 1], is_front)
+    return Hits(*(part.reshape(shape) for part in parts))
 
 
 def weights(item: SceneObject, hits: Hits) -> np.ndarray:
-    """Texture weights of an object at its hits, shape (..., channels); 0 where it is missed."""
+    """Texture weights of an object at its hits, shape (..., channels).
+
+    0 where it is missed, or met on a side that sends out no light.
+    """
     texture = item.material.texture
     if texture is None:
         values = np.ones((*hits.distance_m.shape, 1))
     else:
         values = texture.weights(hits.u, hits.v)
-    return np.where(np.isfinite(hits.distance_m)[..., None], values, 0.0)
+    lit = np.isfinite(hits.distance_m)
+    if isinstance(item.material, Emission) and item.material.sides == "front":
+        lit = lit & hits.is_front
+    return np.where(lit[..., None], values, 0.0)
 
 
 def nearest_distance_m(
@@ -159,7 +180,10 @@ def _circle(centre: np.ndarray, normal: np.ndarray, radius: float, count: int) -
 
 
 def texels_across(shape: Shape, image: Image, nearest_m: float, angle_rad: float) -> float:
-    """Texels of a shape's picture across a cone of rays of an angle, at a distance in metres."""
+    """Texels of a shape's picture across a cone of rays of an angle, at a distance in metres.
+
+    Of a picture that is repeated over the shape or stretched, in its coarser direction.
+    """
     rows, columns = image.shape
     if isinstance(shape, Instance):
         shape = shape.in_place
@@ -174,7 +198,7 @@ def texels_across(shape: Shape, image: Image, nearest_m: float, angle_rad: float
             1.0 / (columns * float(np.linalg.norm(axis_u))),
             1.0 / (rows * float(np.linalg.norm(axis_v))),
         )
-    return float(nearest_m * angle_rad / texel_m)
+    return float(nearest_m * angle_rad / texel_m * min(abs(r) for r in image.repeats))
 
 
 def _texel_of_mesh(mesh: Mesh, texels: int) -> float:

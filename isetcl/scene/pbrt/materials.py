@@ -51,10 +51,6 @@ class MaterialReader:
         """Keep a named material, to be made when it is used."""
         self._named[name] = (kind, parameters)
 
-    def has(self, name: str) -> bool:
-        """Whether a material of a name is known."""
-        return name in self._named
-
     def named(self, name: str, asked: Parameters) -> Surface:
         """The material of a name."""
         if name not in self._named:

@@ -1,0 +1,1 @@
+"""Refracting surfaces beyond conics of revolution, in the frame of their vertex."""
