@@ -360,6 +360,11 @@ def swap(old, new, count=1):
             swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE SZERNSAG\n  XDAT 1 4\n  XDAT 3 1\n"),
             "radius_mm must be > 0",
         ),
+        (swap("  CURV 9.8", "  PARM 3 -1e300\n  CURV 9.8"), "line 41: PARM must be > -1e"),
+        (
+            swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE SZERNSAG\n  XDAT 1 1e9\n  XDAT 99 1\n"),
+            "at most 66 terms",
+        ),
         (swap("  STOP\n  TYPE STANDARD\n  CURV 0.0", "  STOP\n  CURV 0.1"), "must be plane"),
     ],
 )
@@ -409,6 +414,7 @@ def test_an_iset3d_lens_file_is_read_with_its_tables_of_indices(tmp_path):
         (ISET3D.replace("-7.72", "-7.7a"), "line 4: must be numbers"),
         (ISET3D.replace("0.55", "-0.55"), "line 4: thickness must be >= 0"),
         (ISET3D.replace("0\t0\t0\t2\t2\t0\t0\n", ""), "got 0 stops in 4 rows"),
+        (ISET3D.replace("0.55\t1", "0.55\t7"), "line 4: must be 7 numbers .*from 0 to 6"),
         (ISET3D.replace("4.82", "9.0"), "line 4: .*semi_diameter_mm"),
         (ISET3D.replace("\t1\t4.82", "\t6\t4.82"), "line 4: medium 6 must have one table ior6"),
     ],

@@ -71,14 +71,16 @@ def test_exact_diffraction_is_the_table_s():
 
 
 @pytest.mark.parametrize(
-    "axes, peak", [("iset3d", 2.19174), ("optrace", 1.82857), ("isotropic", 4 / 3)]
+    ("axes", "peak"), [("iset3d", 2.19174), ("optrace", 1.82857), ("isotropic", 4 / 3)]
 )
 def test_peaks_scale_as_one_over_gamma_squared(axes, peak):
     for gamma in (0.8, 1.0, 1.7):
         assert Hurb(axes, gamma).peak_ratio() == pytest.approx(peak / gamma**2, rel=1e-5)
 
 
-@pytest.mark.parametrize("axes, gamma, rms", [("iset3d", 1.219, 0.062), ("optrace", 1.116, 0.059)])
+@pytest.mark.parametrize(
+    ("axes", "gamma", "rms"), [("iset3d", 1.219, 0.062), ("optrace", 1.116, 0.059)]
+)
 def test_the_best_gamma_is_the_published_one(axes, gamma, rms):
     from scipy.optimize import minimize_scalar
 
@@ -158,7 +160,7 @@ def test_what_is_evanescent_is_lost():
 
 def test_a_slanted_ray_sees_a_foreshortened_stop():
     # The pattern of a stop of width D seen at angle psi is that of D cos psi: wider in angle.
-    n, index, psi = 100_000, 1.0, math.radians(50.0)
+    n, psi = 100_000, math.radians(50.0)
     slanted = np.tile([math.sin(psi), 0.0, -math.cos(psi)], (n, 1))
     bent = bend(Airy(), ic.Stop(0.0, 3.0), np.zeros((n, 2)), slanted, 550.0, *draws(n))
     angle = np.arctan2(bent[:, 0], -bent[:, 2]) - psi
@@ -221,7 +223,7 @@ def test_names_and_models():
 
 
 @pytest.mark.parametrize(
-    "make, named",
+    ("make", "named"),
     [
         (lambda: diffraction_model("fresnel"), "diffraction"),
         (lambda: diffraction_model(3), "diffraction"),

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isetcl.device.eye_features import ShapeKind, shape_kind
+from isetcl.device.eye_features import EyeFeatures, ShapeKind, shape_kind
+from isetcl.device.gradients import kernel_steps, landing_steps, profile_numbers
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.rays import RayStatus
@@ -27,6 +28,10 @@ ELEMENT = Struct(
         Member("columns", "int"),
         Member("rows", "int"),
         Member("is_placed", "int"),
+        Member("gradient_incident", "int"),
+        Member("gradient_transmitted", "int"),
+        Member("gradient_steps", "int"),
+        Member("gradient_landing", "int"),
         Member("vertex_z"),
         Member("curvature"),
         Member("kappa"),
@@ -57,6 +62,8 @@ ELEMENT = Struct(
 
 `curvature` is that of the y section. `table` is where the numbers of its shape begin in the table
 of the eye; `columns` and `rows` say how many there are, `per_x` and `per_y` how many a mm.
+`gradient_incident` and `gradient_transmitted` are where the profiles of the media begin there, -1
+for homogeneous ones.
 """
 
 SEARCH_STEPS = {
@@ -66,15 +73,15 @@ SEARCH_STEPS = {
         ShapeKind.TORIC: 4,
         ShapeKind.EVEN_ASPHERE: 5,
         ShapeKind.ZERNIKE_SAG: 4,
-        ShapeKind.HEIGHT_MAP: 4,
+        ShapeKind.HEIGHT_MAP: 5,
     },
     "double": {
         ShapeKind.QUADRIC: 0,
-        ShapeKind.BICONIC: 5,
-        ShapeKind.TORIC: 5,
-        ShapeKind.EVEN_ASPHERE: 6,
-        ShapeKind.ZERNIKE_SAG: 5,
-        ShapeKind.HEIGHT_MAP: 5,
+        ShapeKind.BICONIC: 6,
+        ShapeKind.TORIC: 6,
+        ShapeKind.EVEN_ASPHERE: 7,
+        ShapeKind.ZERNIKE_SAG: 6,
+        ShapeKind.HEIGHT_MAP: 6,
     },
 }
 """Steps of Newton's method from the quadric, by precision and shape."""
@@ -118,7 +125,11 @@ def pack_eye(
 ) -> PackedEye:
     """Elements in the order rays meet them, for one or several wavelengths."""
     table = _Table()
+    degree = EyeFeatures.of(sequences).gradient_degree
     records = [_records(sequence, towards, precision, table) for sequence in sequences]
+    for sequence, of_sequence in zip(sequences, records, strict=True):
+        for record, e in zip(of_sequence, sequence, strict=True):
+            _fill_gradients(record, e, towards, precision, degree, table)
     return PackedEye(np.concatenate(records), table.packed(precision))
 
 
@@ -176,6 +187,27 @@ def _fill_place(record: np.void, element: Element) -> None:
         record["decentre_x"], record["decentre_y"] = element.placement.decentre_mm
         record["rotation"] = element.placement.rotation.ravel()
         record["is_placed"] = not np.array_equal(element.placement.rotation, np.eye(3))
+
+
+def _fill_gradients(
+    record: np.void,
+    element: Element,
+    towards: Towards,
+    precision: Precision,
+    degree: int,
+    table: _Table,
+) -> None:
+    inside, beyond = element.gradient_before, element.gradient_after
+    if towards == "scene":
+        inside, beyond = beyond, inside
+    for side, placed in (("incident", inside), ("transmitted", beyond)):
+        record[f"gradient_{side}"] = -1
+        if placed is not None:
+            numbers = profile_numbers(placed, element, degree)
+            record[f"gradient_{side}"] = table.place(numbers, numbers)
+    if inside is not None:
+        record["gradient_steps"] = kernel_steps(inside, precision)
+        record["gradient_landing"] = landing_steps(int(record["gradient_steps"]), precision)
 
 
 def _fill_shape(record: np.void, element: Element, precision: Precision, table: _Table) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from enum import IntEnum
 
+from isetcl.eye.gradient import PolynomialGradient, ShellGradient
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import EvenAsphere
@@ -58,6 +59,14 @@ class EyeFeatures:
         Some surface is a quadric but not one of revolution.
     has_biconics, has_torics, has_even_aspheres, has_zernike_sags, has_height_maps
         Some surface has this shape.
+    has_polynomial_gradients, has_shell_gradients
+        Some medium has a gradient of this kind.
+    has_real_powers
+        Some shells have a power that is no whole number.
+    has_placed_gradients
+        Some gradient lies off the axis of the eye.
+    gradient_degree
+        Largest i + 2 j of the polynomials' z^i r^2j, at least 2.
     """
 
     has_conics: bool = True
@@ -69,6 +78,11 @@ class EyeFeatures:
     has_even_aspheres: bool = False
     has_zernike_sags: bool = False
     has_height_maps: bool = False
+    has_polynomial_gradients: bool = False
+    has_shell_gradients: bool = False
+    has_real_powers: bool = False
+    has_placed_gradients: bool = False
+    gradient_degree: int = 2
 
     @classmethod
     def of(cls, sequences: Iterable[tuple[Element, ...]]) -> EyeFeatures:
@@ -76,6 +90,9 @@ class EyeFeatures:
         elements = [e for sequence in sequences for e in sequence]
         surfaces = [e for e in elements if e.kind is not ElementKind.STOP]
         shaped = {shape_kind(e) for e in surfaces if e.shape is not None}
+        gradients = [g for e in elements for g in (e.gradient_before, e.gradient_after) if g]
+        polynomials = [g.profile for g in gradients if isinstance(g.profile, PolynomialGradient)]
+        shells = [g.profile for g in gradients if isinstance(g.profile, ShellGradient)]
         return cls(
             has_conics=any(e.conic != 0.0 and e.curvature != 0.0 for e in surfaces),
             has_placements=any(e.placement is not None for e in surfaces),
@@ -88,6 +105,11 @@ class EyeFeatures:
             has_even_aspheres=ShapeKind.EVEN_ASPHERE in shaped,
             has_zernike_sags=ShapeKind.ZERNIKE_SAG in shaped,
             has_height_maps=ShapeKind.HEIGHT_MAP in shaped,
+            has_polynomial_gradients=bool(polynomials),
+            has_shell_gradients=bool(shells),
+            has_real_powers=any(not profile.power.is_integer() for profile in shells),
+            has_placed_gradients=any(not g.is_centred for g in gradients),
+            gradient_degree=max([2, *(profile.degree for profile in polynomials)]),
         )
 
     def eye_feature_defines(self) -> dict[str, int]:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from isetcl.errors import InvalidInputError, check_choice
 from isetcl.eye.accommodation import accommodated
+from isetcl.eye.ageing import ageing
 from isetcl.eye.arizona import ArizonaModel
 from isetcl.eye.atchison import atchison
 from isetcl.eye.bennett_rabbetts import bennett_rabbetts
@@ -21,6 +22,7 @@ from isetcl.eye.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
 from isetcl.eye.navarro import Hold, NavarroModel
+from isetcl.eye.population import load_population as load_population
 from isetcl.eye.reduced import drasdo_fowler, thibos
 
 
@@ -135,6 +137,7 @@ _BUILDERS: dict[str, Callable[..., Eye]] = {
     "bennett_rabbetts": bennett_rabbetts,
     "liou_brennan": liou_brennan,
     "atchison": atchison,
+    "ageing": ageing,
     "drasdo_fowler": drasdo_fowler,
     "thibos": thibos,
 }

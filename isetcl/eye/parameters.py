@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_finite
-from isetcl.eye.model import Eye, Surface
+from isetcl.eye.model import Eye
+from isetcl.eye.surface import Surface
 
 _SAME_PLANE_MM = 1e-9
 _GAP_SAMPLES = 261

@@ -1,5 +1,5 @@
 /* trace_rays.cl - rays through an eye, one bundle, one wavelength. */
-#include "lib/crossing.cl"
+#include "lib/gradient.cl"
 #include "lib/refraction.cl"
 
 /* pass_all - rays through all elements, on the assumption that none is lost.
@@ -20,12 +20,12 @@ INLINE maskv pass_all(rayv *ray, realv *length, constant element_t *elements, in
     ray->z += vertex_z - element->vertex_z;
     vertex_z = element->vertex_z;
     crossingv at;
-    passed = passed & cross_element(ray, element, eye_table, sense, 0, &at);
+    passed = passed & arrive(ray, element, eye_table, sense, 0, &at);
     passed = passed & is_inside(&at, element);
 #if HAS_OPL
     *length = mul_add(at.path, (realv)element->n2_incident, *length);
 #endif
-    if (element->kind == ELEMENT_REFRACT) refract(ray, element, sense, &at);
+    if (element->kind == ELEMENT_REFRACT) refract(ray, element, eye_table, sense, &at);
   }
   ray->z += vertex_z;
   return passed & is_number(ray->x + ray->tx);
@@ -49,7 +49,7 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
     vertex_z = element->vertex_z;
     rayv next = *ray;
     crossingv at;
-    cross_element(&next, element, eye_table, sense, 1, &at);
+    arrive(&next, element, eye_table, sense, 1, &at);
     maskv alive = mask_from_int(outcome == RAY_OK);
     maskv met = is_number(next.x + next.y + next.z);
     outcome = int_from_mask(alive & !met) ? (intv)(here + RAY_MISSED) : outcome;
@@ -65,7 +65,7 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
     outcome = int_from_mask(alive & !inside) ? (intv)(here + reason) : outcome;
     alive = alive & inside;
     if (element->kind == ELEMENT_REFRACT) {
-      refract(&next, element, sense, &at);
+      refract(&next, element, eye_table, sense, &at);
       maskv through = is_number(next.tx);
       outcome = int_from_mask(alive & !through) ? (intv)(here + RAY_REFLECTED) : outcome;
       alive = alive & through;

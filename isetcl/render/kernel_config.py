@@ -27,9 +27,8 @@ def eye_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
     """The #defines of the eye: what its surfaces are, and what bends rays inside it."""
     numbers = {f"HURB_{name.upper()}": i for i, name in enumerate(_HURB_AXES)}
     is_hurb = config.diffraction in _HURB_AXES
-    shapes = config.eye_feature_defines()
     return (
-        shapes
+        config.eye_feature_defines()
         | numbers
         | {
             "HAS_ASPHERIC_RETINA": int(config.has_aspheric_retina),

@@ -220,7 +220,7 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, grid.wavelength_nm, bends, notes),
+            **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
@@ -230,7 +230,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
-            **_decide_eye(eye, pupils, grid.wavelength_nm, bends, notes),
+            **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
@@ -362,15 +362,16 @@ def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
 def _decide_eye(
     eye: Eye,
     pupils: tuple[ExitPupilBound | PlanePupilBound, ...],
-    wavelength_nm: float,
     bends: Bends,
+    wavelength_nm: float,
+    precision: Precision,
     notes: list[Decision],
 ) -> dict[str, Any]:
     fill = min(p.fill for p in pupils)
     notes.append(
         Decision("pupil sampling", "exit pupil", f"{100 * fill:.3g} % of the rays pass the stop")
     )
-    return decide_eye_features(eye, wavelength_nm, notes) | {
+    return decide_eye_features(eye, wavelength_nm, precision, notes) | {
         "has_aspheric_retina": left_out(
             notes,
             "aspheric retina",

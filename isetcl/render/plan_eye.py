@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from isetcl.device.elements import travel_order
 from isetcl.device.eye_features import EyeFeatures
+from isetcl.device.gradients import WANTED_MM, kernel_steps
+from isetcl.device.layout import Precision
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import elements
 from isetcl.render.decision import Decision, left_out
@@ -18,16 +20,33 @@ _NAMES = {
     "has_even_aspheres": ("even aspheres", "none in the eye"),
     "has_zernike_sags": ("Zernike surfaces", "none in the eye"),
     "has_height_maps": ("height maps", "none in the eye"),
+    "has_polynomial_gradients": ("polynomial gradients", "no index is a polynomial of place"),
+    "has_shell_gradients": ("shell gradients", "no medium has shells of equal index"),
+    "has_real_powers": ("real powers", "no shells, or all their powers are whole numbers"),
+    "has_placed_gradients": ("placed gradients", "none off the axis of the eye"),
 }
 """Of every field of `EyeFeatures`: what it is called, and why it is left out."""
 
 
-def decide_eye_features(eye: Eye, wavelength_nm: float, notes: list[Decision]) -> dict[str, bool]:
+def decide_eye_features(
+    eye: Eye, wavelength_nm: float, precision: Precision, notes: list[Decision]
+) -> dict[str, int]:
     """The fields of `EyeFeatures` for rays from the retina out of an eye, with their reasons."""
     sequence = travel_order(elements(eye, wavelength_nm), "scene")
     alone = {element.name: EyeFeatures.of([(element,)]) for element in reversed(sequence)}
-    decided = {}
+    decided: dict[str, int] = {}
     for field, (name, why_not) in _NAMES.items():
         owners = [owner for owner, features in alone.items() if getattr(features, field)]
         decided[field] = left_out(notes, name, bool(owners), ", ".join(owners), why_not)
-    return decided
+    lenses = [e for e in reversed(sequence) if e.gradient_before is not None]
+    if lenses:
+        steps = [kernel_steps(e.gradient_before, precision) for e in lenses if e.gradient_before]
+        notes.append(
+            Decision(
+                "steps through gradients",
+                ", ".join(map(str, steps)),
+                f"the fewest that are right to {WANTED_MM[precision]:g} mm on the retina, in front "
+                f"of {', '.join(e.name for e in lenses)}",
+            )
+        )
+    return decided | {"gradient_degree": EyeFeatures.of([sequence]).gradient_degree}

@@ -11,8 +11,9 @@ from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import MAX_TERMS, EvenAsphere
 from isetcl.eye.shapes.shape import SurfaceShape
 from isetcl.eye.shapes.toric import Toric
-from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.shapes.zernike_sag import MAX_ORDER, ZernikeSag
 
+MOST_TERMS = zernike.term_count(MAX_ORDER)
 SUPPORTED = ("STANDARD", "BICONICX", "TOROIDAL", "EVENASPH", "SZERNSAG", "COORDBRK")
 
 
@@ -77,11 +78,18 @@ def _zernike(surface: ZmxSurface, unit_mm: float) -> ZernikeSag | None:
             "a SZERNSAG surface must have no even powers (PARM 1 to 8) and no decentred terms "
             "(PARM 9, 10); they cannot be read together"
         )
-    count = int(surface.extra.get(1, 0.0))
-    noll = {j: surface.extra.get(j + 2, 0.0) * unit_mm for j in range(1, count + 1)}
-    noll = {j: value for j, value in noll.items() if value != 0.0}
+    last = surface.extra.get(1, 0.0) + 2.0
+    noll = {
+        i - 2: value * unit_mm
+        for i, value in surface.extra.items()
+        if 3 <= i <= last and value != 0.0
+    }
     if not noll:
         return None
+    if max(noll) > MOST_TERMS:
+        raise InvalidInputError(
+            f"a SZERNSAG surface must have at most {MOST_TERMS} terms (XDAT 3 ...), got {max(noll)}"
+        )
     by_osa = {zernike.osa_index(*zernike.noll_nm(j)): value for j, value in noll.items()}
     coefficients = [by_osa.get(j, 0.0) for j in range(max(by_osa) + 1)]
     return ZernikeSag(coefficients, surface.extra.get(2, 0.0) * unit_mm)

@@ -16,13 +16,19 @@
  */
 INLINE maskv conic_intersect(rayv *ray, constant element_t *s, real sense, int far_side,
                              crossingv *at) {
+#if HAS_GRADIENTS
+  /* |T| is the index where the ray is, not at the vertex. */
+  const realv curvature_times_n2 = s->curvature * squared_length(ray);
+#else
+  const real curvature_times_n2 = s->curvature_times_n2;
+#endif
 #if HAS_CONICS
   realv kz = s->kappa * ray->z;
   realv a = mul_add((realv)s->curvature_times_conic * ray->tz, ray->tz,
-                    (realv)s->curvature_times_n2);
+                    (realv)curvature_times_n2);
 #else
   realv kz = ray->z;
-  realv a = s->curvature_times_n2;
+  realv a = curvature_times_n2;
 #endif
   realv across = mul_add(ray->x, ray->tx, mul_add(ray->y, ray->ty, kz * ray->tz));
   realv f = mul_add((realv)-s->curvature, across, ray->tz);
@@ -47,3 +53,26 @@ INLINE void conic_slope(const rayv *ray, constant element_t *s, crossingv *at) {
   at->g2 = 1;
 #endif
 }
+
+#if HAS_GRADIENTS
+/* conic_approach - moves rays that are almost on a conic onto it: one step of Newton's method.
+ *
+ * As conic_intersect, whose square root it spares; q is that of before. A ray that crosses against
+ * its direction of travel becomes NaN.
+ */
+INLINE void conic_approach(rayv *ray, constant element_t *s, real sense, crossingv *at) {
+  realv kz = ray->z;
+#if HAS_CONICS
+  kz *= s->kappa;
+#endif
+  realv value = mul_add((realv)s->curvature,
+                        mul_add(ray->x, ray->x, mul_add(ray->y, ray->y, kz * ray->z)),
+                        R(-2.0) * ray->z);
+  realv across = mul_add(ray->x, ray->tx, mul_add(ray->y, ray->ty, kz * ray->tz));
+  at->q = mul_add((realv)-s->curvature, across, ray->tz);
+  at->path = R(0.5) * value / (sense * at->q > 0 ? at->q : (realv)NAN);
+  advance(ray, at->path);
+  at->ax = ray->x;
+  at->ay = ray->y;
+}
+#endif

@@ -2,6 +2,7 @@
  */
 #include "lib/bend.cl"
 #include "lib/crossing.cl"
+#include "lib/gradient.cl"
 #include "lib/refraction.cl"
 
 /* leave_eye - rays from the vitreous through the eye into the air.
@@ -24,7 +25,7 @@ INLINE maskv leave_eye(rayv *ray, constant element_t *elements, int n_elements,
     ray->z += vertex_z - element->vertex_z;
     vertex_z = element->vertex_z;
     crossingv at;
-    cross_element(ray, element, eye_table, -1, HAS_FAR_SIDE, &at);
+    arrive(ray, element, eye_table, -1, HAS_FAR_SIDE, &at);
     if (HAS_SEMI_DIAMETERS || element->kind == ELEMENT_STOP)
       passed = passed & is_inside(&at, element);
 #if HAS_DIFFRACTION
@@ -34,7 +35,7 @@ INLINE maskv leave_eye(rayv *ray, constant element_t *elements, int n_elements,
 #if HAS_SCATTER
     if (element->kind == ELEMENT_STOP) bend = element->bend;
 #endif
-    if (element->kind == ELEMENT_REFRACT) refract(ray, element, -1, &at);
+    if (element->kind == ELEMENT_REFRACT) refract(ray, element, eye_table, -1, &at);
   }
   ray->z += vertex_z;
 #if HAS_SCATTER

@@ -7,17 +7,24 @@
 
 /* HAS_SHAPES - whether any surface is not a conic of revolution about its own axis.
  * HAS_FORMS - whether any surface is not a conic of revolution about the axis of the eye.
+ * HAS_GRADIENTS - whether the index of any medium changes from place to place.
  */
 #define HAS_DEPARTURES (HAS_EVEN_ASPHERES || HAS_ZERNIKE_SAGS || HAS_HEIGHT_MAPS)
 #define HAS_SEARCHES (HAS_BICONICS || HAS_TORICS || HAS_DEPARTURES)
 #define HAS_SHAPES (HAS_QUADRICS || HAS_SEARCHES)
 #define HAS_FORMS (HAS_SHAPES || HAS_PLACEMENTS)
+#define HAS_GRADIENTS (HAS_POLYNOMIAL_GRADIENTS || HAS_SHELL_GRADIENTS)
 
 /* rayv - WIDTH rays: a point (mm) and a direction of length n. */
 typedef struct {
   realv x, y, z;
   realv tx, ty, tz;
 } rayv;
+
+/* squared_length - |T|^2. */
+INLINE realv squared_length(const rayv *ray) {
+  return mul_add(ray->tx, ray->tx, mul_add(ray->ty, ray->ty, ray->tz * ray->tz));
+}
 
 /* crossingv - where WIDTH rays cross an element.
  *
