@@ -203,21 +203,24 @@ class FieldPlane:
         tolerance: float,
     ) -> np.ndarray:
         """Launch angles at which a function of them, (n, 2), takes the wanted values."""
-        launch, h = guess, _DIFFERENCE_RAD
+        launch, h = guess.copy(), _DIFFERENCE_RAD
+        left = np.arange(len(guess))
         for _ in range(_NEWTON_STEPS):
-            reached = function(launch)
-            miss = wanted - reached
-            if np.max(np.abs(miss), initial=0.0) < tolerance:
+            reached = function(launch[left])
+            miss = wanted[left] - reached
+            far = np.max(np.abs(miss), axis=1, initial=0.0) >= tolerance
+            left, reached, miss = left[far], reached[far], miss[far]
+            if len(left) == 0:
                 break
             slopes = np.stack(
-                [(function(launch + h * e) - reached) / h for e in np.eye(2)], axis=-1
+                [(function(launch[left] + h * e) - reached) / h for e in np.eye(2)], axis=-1
             )
             singular = ~(np.abs(np.linalg.det(slopes)) > 1e-9)
             slopes[singular] = np.eye(2)
             change = np.linalg.solve(slopes, np.where(singular[:, None], 0.0, miss)[..., None])
             change = change[..., 0]
             size = np.linalg.norm(change, axis=1, keepdims=True) / _LONGEST_STEP_RAD
-            launch = launch + change / np.maximum(size, 1.0)
+            launch[left] += change / np.maximum(size, 1.0)
         return launch
 
     def _leave(self, launch: np.ndarray) -> RayBundle:
