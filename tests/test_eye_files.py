@@ -85,6 +85,17 @@ def test_every_kind_of_part_is_written_with_every_digit():
     assert json.loads(json.dumps(eye.describe()))["retina"]["shape"]["kind"] == "Biconic"
 
 
+def test_an_eye_of_a_file_can_be_named_like_a_model_eye(tmp_path):
+    file = tmp_path / "mine.JSON"
+    ic.eyes.navarro(3.0).with_axial_length(24.2).to_json(file)
+    eye = ic.eyes.by_name(str(file), 2.0)
+    assert (eye.stop.diameter_mm, eye.axial_length_mm) == pytest.approx((2.0, 24.2))
+    near = ic.eyes.by_name(str(file), 2.0, 4.0)
+    assert near.focus_vergence_dpt() == pytest.approx(4.0, abs=1e-6)
+    with pytest.raises(ic.FileError, match="does not exist"):
+        ic.eyes.by_name("none.json")
+
+
 def edited(change):
     """The JSON of Navarro's eye after a change of its document."""
     document = json.loads(ic.eyes.navarro(3.0).to_json())
