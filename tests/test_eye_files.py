@@ -322,6 +322,18 @@ def test_toric_and_biconic_surfaces_and_an_oval_stop_are_read(tmp_path):
     assert eye.stop == ic.Stop(eye.stop.z_mm, 2.8, minor_diameter_mm=2.0, axis_deg=90.0)
 
 
+def test_a_glass_can_be_picked_up_from_an_earlier_surface(tmp_path):
+    # The stop repeats the aqueous of surface 2; values behind a pickup are placeholders.
+    text = NAVARRO.replace(
+        '  CURV 0.0 0 0 0 0 ""\n  DISZ 0\n  GLAS ___BLANK 1 0 1.33745 48.50',
+        '  CURV 0.0 0 0 0 0 ""\n  DISZ 0\n  GLAS ___BLANK 2 2 1.5 40',
+    )
+    assert "___BLANK 2 2" in text
+    assert ic.load_eye(written(tmp_path, text)) == ic.load_eye(written(tmp_path, NAVARRO))
+    with pytest.raises(ic.FileError, match="must be picked up from an earlier surface, got '9'"):
+        ic.load_eye(written(tmp_path, text.replace("___BLANK 2 2", "___BLANK 2 9")))
+
+
 def swap(old, new, count=1):
     assert old in NAVARRO
     return NAVARRO.replace(old, new, count)
