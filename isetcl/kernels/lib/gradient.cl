@@ -261,7 +261,8 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
   ray->tx = mul_add(at->path, force.tx, ray->tx);
   ray->ty = mul_add(at->path, force.ty, ray->ty);
   ray->tz = mul_add(at->path, force.tz, ray->tz);
-  ray->x = kept & (magnitude(at->path) <= GRADIENT_NEAR) ? ray->x : (realv)NAN;
+  kept = kept & (magnitude(at->path) <= GRADIENT_NEAR);
+  ray->x = kept ? ray->x : (realv)NAN;
 #if HAS_OPL
   at->path = mul_add(at->path, n2, length) * element->inverse_n2;
 #endif
