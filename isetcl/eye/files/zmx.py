@@ -11,7 +11,7 @@ from pathlib import Path
 from isetcl.errors import FileError, InvalidInputError
 from isetcl.eye import paraxial
 from isetcl.eye.build import CORNEA_SEMI_DIAMETERS_MM, LENS_SEMI_DIAMETER_MM
-from isetcl.eye.files.clear_apertures import uncrossed, widest_mm
+from isetcl.eye.clear_apertures import uncrossed, widest_mm
 from isetcl.eye.files.zmx_frames import Frame, broken, onward, start
 from isetcl.eye.files.zmx_shapes import form_of
 from isetcl.eye.files.zmx_text import ZmxFile, ZmxSurface, read_zmx
