@@ -242,6 +242,21 @@ def test_noll_s_terms_become_the_same_polynomials(tmp_path):
     assert float(surface.sag_mm(x, y)) == pytest.approx(sphere + terms, abs=1e-12)
 
 
+def test_even_powers_beside_noll_s_terms_are_added(tmp_path):
+    powers = "  PARM 1 0.02\n  PARM 3 -0.3\n  XDAT 1 8 0 0 0\n"
+    surface = ic.load_eye(written(tmp_path, TILTED)).surfaces[1]
+    text = TILTED.replace("  XDAT 1 8 0 0 0\n", powers)
+    both = ic.load_eye(written(tmp_path, text)).surfaces[1]
+    x, y = 1.3, -0.7
+    rho = math.hypot(x, y) / 10.0  # cm
+    expected = 10.0 * (0.02 * rho**2 - 0.3 * rho**6)
+    assert float(both.sag_mm(x, y) - surface.sag_mm(x, y)) == pytest.approx(expected, rel=1e-9)
+    alone = text.replace("XDAT 7 ", "XDAT 77 ").replace("XDAT 8 ", "XDAT 78 ")
+    alone = alone.replace("XDAT 10 ", "XDAT 79 ")
+    shape = ic.load_eye(written(tmp_path, alone)).surfaces[1].shape
+    assert shape.coefficients[:3] == pytest.approx((0.002, 0.0, -0.3e-5))
+
+
 def zemax_frame(point, shift, angles_deg):
     """A point behind a coordinate break (order 0) in the frame before it, by three turns."""
     turned = np.array(point, dtype=float)
@@ -376,8 +391,12 @@ def swap(old, new, count=1):
             "surface 2 .TOROIDAL.*no polynomial",
         ),
         (
-            swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE SZERNSAG\n  PARM 2 1e-3\n  CURV 1.53"),
-            "no even powers",
+            swap(
+                "  TYPE STANDARD\n  CURV 1.53",
+                "  TYPE SZERNSAG\n  PARM 6 1e-9\n  XDAT 1 4\n  XDAT 2 3\n  XDAT 6 1e-3\n"
+                "  CURV 1.53",
+            ),
+            r"no even powers beyond rho\^10 \(PARM 5\)",
         ),
         (
             swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE SZERNSAG\n  XDAT 1 4\n  XDAT 3 1\n"),
