@@ -36,7 +36,9 @@ def compare(
     far_image: Annotated[Path | None, typer.Option(help="Photograph for the far plane.")] = None,
     near: Annotated[float, typer.Option(help="Distance of the near plane, metres.")] = 0.5,
     far: Annotated[float, typer.Option(help="Distance of the far plane, metres.")] = 2.0,
-    eye: Annotated[str, typer.Option(help="Model eye: navarro, arizona or legrand.")] = "navarro",
+    eye: Annotated[
+        str, typer.Option(help="Model eye (navarro, arizona, atchison ...) or its file.")
+    ] = "navarro",
     pupil: Annotated[float, typer.Option(help="Diameter of the stop (iris), mm.")] = 4.0,
     accommodation: Annotated[
         str,
