@@ -19,6 +19,10 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
+from isetcl.eye.artificial_pupil import ArtificialPupil
+from isetcl.eye.contact_lens import ContactLens
+from isetcl.eye.files.load import load_eye
+from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -26,16 +30,21 @@ from isetcl.eye.media import (
     Medium,
     NavarroDispersion,
     SellmeierDispersion,
+    TabulatedDispersion,
 )
 from isetcl.eye.model import Eye
+from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
 from isetcl.eye.placement import Placement
+from isetcl.eye.ray_bending import Hurb
 from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
 
@@ -77,12 +86,14 @@ _LAZY_MODULES = ("psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
+    "ArtificialPupil",
     "Biconic",
     "Checkerboard",
     "Coated",
     "ComplexIndex",
     "Conductor",
     "ConstantIndex",
+    "ContactLens",
     "CornuDispersion",
     "DeviceError",
     "Dielectric",
@@ -98,8 +109,10 @@ __all__ = [
     "FocusError",
     "Grid",
     "HeightMap",
+    "Hurb",
     "Image",
     "Instance",
+    "IntraocularLens",
     "InvalidInputError",
     "IsetclError",
     "KernelBuildError",
@@ -109,6 +122,7 @@ __all__ = [
     "Mirror",
     "Mix",
     "NavarroDispersion",
+    "OcularMedia",
     "OutOfMemoryError",
     "PinholeView",
     "Placement",
@@ -120,15 +134,18 @@ __all__ = [
     "Retina",
     "RetinalGrid",
     "RetinalImage",
+    "ScatterModel",
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
+    "SpectacleLens",
     "SpectralCube",
     "Spectrum",
     "Sphere",
     "SpotLight",
     "Stop",
     "Surface",
+    "TabulatedDispersion",
     "Toric",
     "TwoSided",
     "UnlitReflectance",
@@ -140,11 +157,13 @@ __all__ = [
     "glass",
     "huygens_psf",
     "load_cube",
+    "load_eye",
     "load_image",
     "load_mesh",
     "load_mesh_scene",
     "load_scene",
     "load_spd",
+    "ocular_transmittance",
     "pinhole",
     "plan",
     "psf_baseline",

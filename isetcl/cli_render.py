@@ -43,6 +43,13 @@ _TIME_HELP = (
     "Stop after about so many seconds (without --spp, --error and --time: at an error of 2 %, or "
     "after 60 s)."
 )
+_DIFFRACTION_HELP = (
+    "At the stop: none, airy (the exact pattern), hurb, iset3d (the paper's HURB), or auto (airy "
+    "where it can be seen)."
+)
+_SCATTER_HELP = (
+    "Add the light scattered in an eye of this age, years, after the CIE general glare function."
+)
 _SKY_HELP = (
     "Luminance of an even sky around the scene, cd/m^2 (default: 100 where a scene has no light "
     "at all)."
@@ -64,6 +71,8 @@ def render(
     ] = None,
     time: Annotated[float | None, typer.Option(help=_TIME_HELP)] = None,
     max_bounces: Annotated[int, typer.Option(help="Times light may be scattered.")] = 8,
+    diffraction: Annotated[str, typer.Option(help=_DIFFRACTION_HELP)] = "none",
+    scatter: Annotated[float | None, typer.Option(metavar="AGE", help=_SCATTER_HELP)] = None,
     eye_at: Annotated[
         str | None,
         typer.Option("--from", metavar="X,Y,Z", help=_FROM_HELP),
@@ -95,6 +104,8 @@ def render(
 
     Ctrl-C ends a render early and keeps the image so far.
     """
+    from isetcl.eye.scatter import ScatterModel
+
     try:
         with _warnings_as_notes():
             goal = _goal(spp, error, time)
@@ -105,6 +116,8 @@ def render(
                 "fov_deg": cli_scene.field_of_view(scene, seen, fov),
                 "resolution": columns_and_rows,
                 "max_bounces": max_bounces,
+                "diffraction": diffraction,
+                "scatter": None if scatter is None else ScatterModel(scatter),
                 "device": device,
             }
             model = cli_scene.accommodated(eye, pupil, focus, seen)

@@ -217,7 +217,7 @@ def accommodated(name: str, pupil: float, wanted: float | str, scene: Scene) -> 
     from isetcl.scene.extent import middle_ahead_m
 
     relaxed = catalog.by_name(name, pupil)
-    if wanted == "relaxed" or (wanted == "centre" and relaxed.name == "legrand"):
+    if wanted == "relaxed" or (wanted == "centre" and relaxed.accommodation_model is None):
         return relaxed
     if wanted != "centre":
         return catalog.by_name(name, pupil, float(wanted))

@@ -8,6 +8,8 @@ from isetcl.errors import InvalidInputError, check_finite, check_number
 
 MM_PER_M = 1000.0
 UM_PER_MM = 1000.0
+NM_PER_MM = 1e6
+NM_PER_M = 1e9
 ARCMIN_PER_DEG = 60.0
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 

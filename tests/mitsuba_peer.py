@@ -19,7 +19,7 @@ from scipy import stats
 
 import isetcl as ic
 from isetcl.device import program
-from isetcl.device.tracer import declarations
+from isetcl.device.elements import declarations
 from isetcl.render import pack, sobol
 from isetcl.render.kernel_config import PathConfig
 from isetcl.render.paths import PathPipeline

@@ -21,8 +21,9 @@ import numpy as np
 
 from isetcl.device import program
 from isetcl.device.devices import Device
+from isetcl.device.elements import declarations
 from isetcl.device.layout import Precision, real_dtype
-from isetcl.device.tracer import RayTracer, declarations
+from isetcl.device.tracer import RayTracer
 from isetcl.errors import DeviceError
 from isetcl.eye import sequential
 from isetcl.eye.build import PupilSpec

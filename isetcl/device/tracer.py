@@ -9,75 +9,18 @@ import numpy as np
 
 from isetcl.device import program
 from isetcl.device.devices import Device
-from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
-from isetcl.eye.prescription import Element, ElementKind
-from isetcl.eye.rays import RayBundle, RayStatus
+from isetcl.device.elements import declarations, pack_eye
+from isetcl.device.eye_features import EyeFeatures
+from isetcl.device.layout import Precision, real_dtype
+from isetcl.eye.prescription import Element
+from isetcl.eye.rays import RayBundle
 from isetcl.eye.sequential import Towards
 
 if TYPE_CHECKING:
     import pyopencl
 
-ELEMENT = Struct(
-    "element_t",
-    (
-        Member("kind", "int"),
-        Member("vertex_z"),
-        Member("curvature"),
-        Member("kappa"),
-        Member("curvature_times_kappa"),
-        Member("curvature_times_conic"),
-        Member("curvature_times_n2"),
-        Member("index_incident"),
-        Member("n2_incident"),
-        Member("inverse_n2"),
-        Member("n2_transmitted"),
-        Member("index_step"),
-        Member("renormalise"),
-        Member("aperture2"),
-    ),
-)
-"""Constants of an element for one direction of travel, prepared in float64."""
 
-
-def declarations() -> str:
-    """The C declarations the ray kernels share with the host."""
-    return c_enum(ElementKind, "ELEMENT") + c_enum(RayStatus, "RAY") + ELEMENT.c_declaration()
-
-
-def travel_order(sequence: tuple[Element, ...], towards: Towards) -> tuple[Element, ...]:
-    """The elements in the order rays meet them; towards the scene they start behind the lens."""
-    if towards == "retina":
-        return sequence
-    return tuple(e for e in reversed(sequence) if e.kind is not ElementKind.RETINA)
-
-
-def pack_elements(
-    sequence: tuple[Element, ...], towards: Towards, precision: Precision
-) -> np.ndarray:
-    """Element constants as records of `ELEMENT`, for elements in the order rays meet them."""
-    records = np.zeros(len(sequence), dtype=ELEMENT.dtype(precision))
-    for record, e in zip(records, sequence, strict=True):
-        n, n_next = (e.n_before, e.n_after) if towards == "retina" else (e.n_after, e.n_before)
-        record["kind"] = e.kind
-        record["vertex_z"] = e.vertex_z_mm
-        record["curvature"] = e.curvature
-        record["kappa"] = 1.0 + e.conic
-        record["curvature_times_kappa"] = e.curvature * (1.0 + e.conic)
-        record["curvature_times_conic"] = e.curvature * e.conic
-        record["curvature_times_n2"] = e.curvature * n * n
-        record["index_incident"] = n
-        record["n2_incident"] = n * n
-        record["inverse_n2"] = 1.0 / (n * n)
-        record["n2_transmitted"] = n_next * n_next
-        record["index_step"] = n_next * n_next - n * n
-        record["renormalise"] = -0.5 / (n_next * n_next)
-        record["aperture2"] = e.semi_diameter_mm**2
-    return records
-
-
-def has_conics(sequence: tuple[Element, ...]) -> bool:
-    """Whether any element is curved and not a sphere."""
-    return any(e.conic != 0.0 and e.curvature != 0.0 for e in sequence)
+_CONICS = EyeFeatures()
 
 
 @dataclass(eq=False)
@@ -105,8 +48,8 @@ class RayTracer:
         Keep the optical path lengths; double precision only.
     shared_direction
         All rays have one direction (a collimated beam).
-    conic
-        Whether any surface is not a sphere or plane; without it the conic terms are left out.
+    features
+        What the surfaces need; what they do not is left out.
     vector_width
         Lanes of a work-item; None for the device's own.
     """
@@ -120,7 +63,7 @@ class RayTracer:
         record_directions: bool = True,
         record_opl: bool = False,
         shared_direction: bool = False,
-        conic: bool = True,
+        features: EyeFeatures = _CONICS,
         vector_width: int | None = None,
     ) -> None:
         device.check_precision(precision)
@@ -132,8 +75,7 @@ class RayTracer:
         self._shared_direction = shared_direction
         defines = device.defines(precision, vector_width)
         self._width = defines["WIDTH"]
-        defines |= {
-            "HAS_CONICS": int(conic),
+        defines |= features.eye_feature_defines() | {
             "HAS_HITS": int(record_hits),
             "HAS_OPL": int(self._record_opl),
             "HAS_DIRECTIONS": int(record_directions),
@@ -193,11 +135,10 @@ class Trace:
         def results(planes: int, dtype: np.dtype = real) -> pyopencl.Buffer:
             return cl.Buffer(context, flags, max(1, planes * rays.padded) * dtype.itemsize)
 
-        self._elements = cl.Buffer(
-            context,
-            cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR,
-            hostbuf=pack_elements(sequence, towards, tracer._precision),
-        )
+        packed = pack_eye([sequence], towards, tracer._precision)
+        constants = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        self._elements = cl.Buffer(context, constants, hostbuf=packed.elements)
+        self._table = cl.Buffer(context, constants, hostbuf=packed.table)
         self._position = results(3)
         self._leaving = results(3 if tracer._record_directions else 0)
         self._outcome = results(1, np.dtype(np.int32))
@@ -208,6 +149,7 @@ class Trace:
             rays.direction,
             self._elements,
             np.int32(len(sequence)),
+            self._table,
             real.type(1.0 if towards == "retina" else -1.0),
             np.int32(rays.padded),
             self._position,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from isetcl.errors import check_between
+from isetcl.errors import check_between, check_choice, check_type
 from isetcl.eye.build import Face, PupilSpec, cornea_surfaces, lens_surfaces
 from isetcl.eye.media import AbbeDispersion, AbbeInterpolation, Medium
 from isetcl.eye.model import Eye
@@ -29,6 +29,10 @@ class ArizonaModel:
 
     pupil: PupilSpec
     interpolation: AbbeInterpolation = "shifted_cauchy"
+
+    def __post_init__(self) -> None:
+        check_type("pupil", self.pupil, PupilSpec)
+        check_choice("interpolation", self.interpolation, ("shifted_cauchy", "cauchy", "linear"))
 
     @property
     def parameter_range(self) -> tuple[float, float]:

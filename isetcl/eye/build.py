@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isetcl.errors import check_choice, check_positive
+from isetcl.errors import check_between, check_choice, check_finite, check_pair, check_positive
 from isetcl.eye import paraxial
-from isetcl.eye.media import Medium
+from isetcl.eye.media import LINE_D_NM, AbbeDispersion, ConstantIndex, Dispersion, Medium
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, PupilPlane
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface, conic_sag
@@ -55,15 +55,25 @@ class PupilSpec:
 
     ``"stop"`` is the physical iris (the paper's and ISET3d's meaning). ``"entrance"`` is the image
     of the iris seen from outside, which clinicians measure: the stop is then about 1.13 times
-    smaller, by the paraxial magnification at 550 nm.
+    smaller, by the paraxial magnification at 550 nm. The middle of the stop, its shorter diameter
+    over the longer one, and the direction of that are those of the eye where they are None.
     """
 
     diameter_mm: float
     plane: PupilPlane = "stop"
+    decentre_mm: tuple[float, float] | None = None
+    aspect: float | None = None
+    axis_deg: float | None = None
 
     def __post_init__(self) -> None:
         check_positive("pupil_diameter_mm", self.diameter_mm, "mm")
         check_choice("pupil_plane", self.plane, ("stop", "entrance"))
+        if self.decentre_mm is not None:
+            check_pair("pupil: decentre_mm", self.decentre_mm, "mm")
+        if self.aspect is not None:
+            check_between("pupil: aspect", self.aspect, 0.01, 1.0)
+        if self.axis_deg is not None:
+            check_finite("pupil: axis_deg", self.axis_deg, "deg")
 
     def apply(self, eye: Eye) -> Eye:
         """The eye with its stop set so that this pupil has its diameter in its plane."""
@@ -72,7 +82,37 @@ class PupilSpec:
         else:
             magnification = paraxial.entrance_pupil(eye, REFERENCE_WAVELENGTH_NM).magnification
             diameter = self.diameter_mm / magnification
-        return dataclasses.replace(eye, stop=Stop(eye.stop.z_mm, diameter))
+        now = eye.stop
+        aspect = now.aspect if self.aspect is None else self.aspect
+        stop = Stop(
+            now.z_mm,
+            diameter,
+            now.decentre_mm if self.decentre_mm is None else self.decentre_mm,
+            None if aspect == 1.0 else diameter * aspect,
+            now.axis_deg if self.axis_deg is None else self.axis_deg,
+        )
+        return dataclasses.replace(eye, stop=stop)
+
+
+def medium(
+    name: str, index: float, abbe_number: float | None = None, index_nm: float = LINE_D_NM
+) -> Medium:
+    """A medium of which one index is published; achromatic unless it is given an Abbe number.
+
+    `index_nm` is the wavelength of that index.
+    """
+    return Medium(name, dispersion(index, abbe_number, index_nm))
+
+
+def dispersion(
+    index: float, abbe_number: float | None = None, index_nm: float = LINE_D_NM
+) -> Dispersion:
+    """The dispersion of `medium`."""
+    if abbe_number is None:
+        return ConstantIndex(index)
+    # n - 1 is proportional to n_d - 1 at any wavelength.
+    ratio = float(AbbeDispersion(2.0, abbe_number).evaluate(np.array(index_nm))) - 1.0
+    return AbbeDispersion(1.0 + (index - 1.0) / ratio, abbe_number)
 
 
 def lens_surfaces(

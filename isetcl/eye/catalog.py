@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 
-from isetcl.errors import InvalidInputError, check_choice, check_finite
+from isetcl.errors import InvalidInputError, check_choice
+from isetcl.eye.accommodation import accommodated
+from isetcl.eye.ageing import ageing
 from isetcl.eye.arizona import ArizonaModel
+from isetcl.eye.atchison import atchison
+from isetcl.eye.bennett_rabbetts import bennett_rabbetts
 from isetcl.eye.build import PupilSpec
+from isetcl.eye.fit import EyeFit as EyeFit
+from isetcl.eye.fit import fit as fit
+from isetcl.eye.gullstrand import gullstrand, gullstrand_emsley
 from isetcl.eye.legrand import LeGrandState, legrand_eye
+from isetcl.eye.liou_brennan import liou_brennan
+from isetcl.eye.measurement import ZernikeMeasurement as ZernikeMeasurement
+from isetcl.eye.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
-from isetcl.eye.model import (
-    REFERENCE_WAVELENGTH_NM,
-    AccommodationModel,
-    Eye,
-    FocusCriterion,
-    PupilPlane,
-)
+from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
 from isetcl.eye.navarro import Hold, NavarroModel
-from isetcl.units import distance_from_vergence
+from isetcl.eye.population import load_population as load_population
+from isetcl.eye.reduced import drasdo_fowler, thibos
 
 
 def navarro(
@@ -59,7 +65,7 @@ def navarro(
         If an argument breaks its rule, or both accommodations are given.
     """
     model = NavarroModel(PupilSpec(pupil_diameter_mm, pupil_plane), hold)
-    return _accommodated(
+    return accommodated(
         model, accommodation_dpt, accommodation_parameter, focus_wavelength_nm, focus_criterion
     )
 
@@ -93,7 +99,7 @@ def arizona(
         As in `navarro`.
     """
     model = ArizonaModel(PupilSpec(pupil_diameter_mm, pupil_plane), interpolation)
-    return _accommodated(
+    return accommodated(
         model, accommodation_dpt, accommodation_parameter, focus_wavelength_nm, focus_criterion
     )
 
@@ -126,7 +132,24 @@ _BUILDERS: dict[str, Callable[..., Eye]] = {
     "navarro": navarro,
     "arizona": arizona,
     "legrand": legrand,
+    "gullstrand": gullstrand,
+    "gullstrand_emsley": gullstrand_emsley,
+    "bennett_rabbetts": bennett_rabbetts,
+    "liou_brennan": liou_brennan,
+    "atchison": atchison,
+    "ageing": ageing,
+    "drasdo_fowler": drasdo_fowler,
+    "thibos": thibos,
 }
+
+ACCOMMODATING = tuple(
+    name
+    for name, builder in _BUILDERS.items()
+    if "accommodation_dpt" in inspect.signature(builder).parameters
+)
+"""Names of the eyes that accommodate continuously."""
+
+__all__ = ["ACCOMMODATING", "by_name", "names", *_BUILDERS]
 
 
 def names() -> tuple[str, ...]:
@@ -137,7 +160,7 @@ def names() -> tuple[str, ...]:
 def by_name(
     name: str, pupil_diameter_mm: float = 4.0, accommodation_dpt: float | None = None
 ) -> Eye:
-    """A model eye by its name, "navarro", "arizona" or "legrand".
+    """A model eye by its name, one of `names()`, with everything else at its default.
 
     Raises
     ------
@@ -145,35 +168,12 @@ def by_name(
         If the name is unknown (near matches are named), or the eye cannot accommodate.
     """
     builder = _BUILDERS[check_choice("eye", name, names())]
-    if builder is legrand:
-        if accommodation_dpt is not None:
-            raise InvalidInputError(
-                "eye 'legrand' does not accommodate continuously, so accommodation_dpt must be "
-                f"left out (--accommodation relaxed), got {accommodation_dpt:g} dpt; or use "
-                "'navarro' or 'arizona'"
-            )
-        return legrand(pupil_diameter_mm)
-    return builder(pupil_diameter_mm, accommodation_dpt)
-
-
-def _accommodated(
-    model: AccommodationModel,
-    accommodation_dpt: float | None,
-    parameter: float | None,
-    wavelength_nm: float,
-    criterion: FocusCriterion,
-) -> Eye:
-    if accommodation_dpt is not None and parameter is not None:
+    if name in ACCOMMODATING:
+        return builder(pupil_diameter_mm, accommodation_dpt)
+    if accommodation_dpt is not None:
         raise InvalidInputError(
-            "give accommodation_dpt or accommodation_parameter, not both, "
-            f"got {accommodation_dpt} and {parameter}"
+            f"eye {name!r} does not accommodate continuously, so accommodation_dpt must be left "
+            f"out (--accommodation relaxed), got {accommodation_dpt:g} dpt; or use "
+            + " or ".join(repr(other) for other in ACCOMMODATING)
         )
-    if accommodation_dpt is None:
-        return model.eye(model.parameter_range[0] if parameter is None else parameter)
-    if check_finite("accommodation_dpt", accommodation_dpt, "dpt") < 0:
-        raise InvalidInputError(
-            f"accommodation_dpt must be >= 0 dpt, got {accommodation_dpt:g}; leave it out for the "
-            "relaxed eye"
-        )
-    relaxed = model.eye(model.parameter_range[0])
-    return relaxed.focus_at(distance_from_vergence(accommodation_dpt), wavelength_nm, criterion)
+    return builder(pupil_diameter_mm)

@@ -17,6 +17,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError
 from isetcl.eye.field import FieldMap
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye
 from isetcl.eye.polynomial import evaluate, fit, unit_nodes
 from isetcl.eye.prescription import Element, ElementKind, elements
@@ -155,7 +156,7 @@ class StopOutline:
         found by trial.
     """
 
-    def __init__(self, eye: Eye, wavelength_nm: float, grid_map: FieldMap) -> None:
+    def __init__(self, eye: Eye, wavelength_nm: float, grid_map: FieldMap | FieldPlane) -> None:
         self._map = grid_map
         sequence = [
             e for e in reversed(elements(eye, wavelength_nm)) if e.kind is not ElementKind.RETINA
@@ -189,12 +190,16 @@ class StopOutline:
         circle = np.stack([np.cos(turn), np.sin(turn)], axis=1)
         start = self._retina(field_deg, azimuths)
         if self.is_complete:
-            target = np.tile(self._stop_radius * circle, (len(field_deg), 1))
+            target = np.tile(self._rim(circle), (len(field_deg), 1))
             point, found = self._aim_at_stop(start, target)
             if found.all():
                 return point.reshape(len(field_deg), azimuths, 2)
             self.is_complete = False
         return self._scan(field_deg, circle)
+
+    def _rim(self, circle: np.ndarray) -> np.ndarray:
+        """Points of the stop's rim, (n, 2), mm."""
+        return self._stop_radius * circle
 
     def _aim_at_stop(self, start: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Newton's method for the pupil points whose rays meet the stop plane at `target`, mm."""

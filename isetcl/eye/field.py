@@ -4,6 +4,8 @@ The chief ray passes the centre of the stop. It is launched there, towards the r
 the cornea, over a fan of angles; both ends together tabulate the map, without any iteration. The
 image is inverted: a direction up and to the right is received down and to the left.
 
+Eyes that are not figures of revolution have a `isetcl.eye.field_plane.FieldPlane` instead.
+
 Field angles are polar: a direction at angle theta from the optical axis with azimuth phi has
 (x_deg, y_deg) = theta (cos phi, sin phi); +x is the viewer's right, +y is up, in the scene.
 """
@@ -61,6 +63,10 @@ class FieldMap:
         """Local scale of the map: retinal arc length per degree of field angle, mm/deg."""
         return self._arc_mm(self._inside(field_deg), 1)
 
+    def axial_scale_mm_per_deg(self) -> float:
+        """`mm_per_deg` on the axis."""
+        return float(self.mm_per_deg(0.0))
+
     def field_deg(self, arc_mm: np.ndarray | float) -> np.ndarray:
         """Field angle in degrees of the chief ray to a retinal point given by its arc length.
 
@@ -91,6 +97,17 @@ class FieldMap:
         On axis this is the paraxial entrance pupil.
         """
         return self._entrance_z_mm(self._inside(field_deg))
+
+    def entrance_mm(self, x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
+        """That point of the axis for directions (x_deg, y_deg), mm, (..., 3)."""
+        z = self.entrance_z_mm(np.hypot(x_deg, y_deg))
+        return np.stack([np.zeros_like(z), np.zeros_like(z), z], axis=-1)
+
+    def coordinates_mm(self, x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
+        """Arc-length coordinates of the retinal point, mm, (..., 2): polar about the vertex."""
+        field = np.hypot(x_deg, y_deg)
+        scale = -self.arc_mm(field) / np.where(field > 0, field, 1.0)
+        return np.stack([x_deg * scale, y_deg * scale], axis=-1)
 
     def _inside(self, field_deg: np.ndarray | float) -> np.ndarray:
         field = check_array("field_deg", field_deg)

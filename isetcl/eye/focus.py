@@ -16,6 +16,7 @@ from isetcl.eye import paraxial
 from isetcl.eye.model import Eye, FocusCriterion
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.sequential import trace_elements
+from isetcl.eye.spot_pupil import SpotPupil
 from isetcl.units import MM_PER_M, distance_from_vergence, vergence_from_distance
 
 CRITERIA = ("rms_spot", "paraxial")
@@ -46,9 +47,10 @@ def focus_vergence_dpt(
     start = paraxial.object_vergence_dpt(eye, wavelength_nm)
     if criterion == "paraxial":
         return start
-    fan = _SpotFan(eye, wavelength_nm)
     found = minimize_scalar(
-        fan.mean_square_mm2, bracket=(start, start + _FIRST_STEP_DPT), tol=_TOLERANCE
+        _spot(eye, wavelength_nm).mean_square_mm2,
+        bracket=(start, start + _FIRST_STEP_DPT),
+        tol=_TOLERANCE,
     )
     return float(found.x)
 
@@ -57,9 +59,9 @@ def rms_spot_mm(eye: Eye, vergence_dpt: float, wavelength_nm: float) -> float:
     """Root-mean-square distance from the axis of the image of an axial point, mm on the retina.
 
     The point lies at a vergence in 1/m from the corneal vertex and radiates uniformly into the
-    stop.
+    stop. In an eye that is no figure of revolution the distance counts from the centroid.
     """
-    return float(np.sqrt(_SpotFan(eye, wavelength_nm).mean_square_mm2(vergence_dpt)))
+    return float(np.sqrt(_spot(eye, wavelength_nm).mean_square_mm2(vergence_dpt)))
 
 
 def focus_at(eye: Eye, distance_m: float, wavelength_nm: float, criterion: FocusCriterion) -> Eye:
@@ -111,6 +113,10 @@ def _nearest_focus(
         except FocusError:
             reach -= 0.01 * (high - low)
     return low, excess(low)
+
+
+def _spot(eye: Eye, wavelength_nm: float) -> _SpotFan | SpotPupil:
+    return (_SpotFan if eye.is_rotational else SpotPupil)(eye, wavelength_nm)
 
 
 class _SpotFan:

@@ -110,8 +110,8 @@ def spot(
     spokes = 2 * rings + 8
     turn = 2.0 * np.pi * (np.arange(spokes) + 0.5) / spokes
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    radius = eye.stop.radius_mm * np.sqrt((nodes + 1.0) / 2.0)
-    stop = (radius[:, None, None] * circle).reshape(-1, 2)
+    radius = np.sqrt((nodes + 1.0) / 2.0)
+    stop = eye.stop.rim_mm((radius[:, None, None] * circle).reshape(-1, 2))
     points, found = source.aim(stop)
     rays = source.trace(points)
     if not (found & rays.passed).all():

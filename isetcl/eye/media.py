@@ -14,6 +14,7 @@ import numpy as np
 from isetcl.errors import (
     InvalidInputError,
     check_array,
+    check_between,
     check_choice,
     check_finite,
     check_positive,
@@ -116,17 +117,25 @@ _HERZBERGER_COEFFICIENTS = np.array(
 
 @dataclass(frozen=True)
 class CornuDispersion:
-    """Cornu's hyperbola n = n_infinity + k_nm / (wavelength - 130 nm).
+    """Cornu's hyperbola n = n_infinity + k_nm / (wavelength - pole_nm).
 
-    Source: Le Grand's use of it, Atchison & Smith 2005, J Opt Soc Am A 22:29, table 1.
+    Source: Le Grand's use of it with a pole at 130 nm, Atchison & Smith 2005, J Opt Soc Am A 22:29,
+    table 1; Thibos et al. 1992, Appl Opt 31:3594, with a pole at 214.102 nm.
     """
 
     n_infinity: float
     k_nm: float
+    pole_nm: float = 130.0
 
     def __post_init__(self) -> None:
         _check_index("n_infinity", self.n_infinity)
         check_finite("k_nm", self.k_nm, "nm")
+        pole = check_finite("pole_nm", self.pole_nm, "nm")
+        if not pole < self.range_nm[0]:
+            raise InvalidInputError(
+                f"pole_nm must be < {self.range_nm[0]:g} nm, where the formula's range begins, "
+                f"got {pole:g}"
+            )
 
     @property
     def range_nm(self) -> tuple[float, float]:
@@ -135,7 +144,7 @@ class CornuDispersion:
 
     def evaluate(self, wavelength_nm: np.ndarray) -> np.ndarray:
         """Refractive index, shape of the input."""
-        return self.n_infinity + self.k_nm / (wavelength_nm - 130.0)
+        return self.n_infinity + self.k_nm / (wavelength_nm - self.pole_nm)
 
 
 @dataclass(frozen=True)
@@ -260,8 +269,119 @@ class SellmeierDispersion:
 
 
 @dataclass(frozen=True)
+class PowerDispersion:
+    """Dispersion as a sum of powers, n = sum of c_i l^(p_i), l in nm.
+
+    Parameters
+    ----------
+    coefficients
+        c_i, in nm^(-p_i).
+    exponents
+        p_i, as many, -12 to 12: (0, -2, -4, -6) is Cauchy's series, (0, 1, 2) a parabola.
+
+    Raises
+    ------
+    InvalidInputError
+        If the lists differ in length, or an index between 380 and 780 nm is below 1.
+    """
+
+    coefficients: tuple[float, ...]
+    exponents: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("coefficients", "exponents"):
+            values = check_array(f"power dispersion: {name}", getattr(self, name))
+            if values.ndim != 1 or values.size == 0 or not np.all(np.isfinite(values)):
+                raise InvalidInputError(
+                    f"power dispersion: {name} must be a list of finite numbers, got "
+                    f"{values.tolist()}"
+                )
+            object.__setattr__(self, name, tuple(values.tolist()))
+        if len(self.coefficients) != len(self.exponents):
+            raise InvalidInputError(
+                "power dispersion: coefficients and exponents must be of one length, got "
+                f"{len(self.coefficients)} and {len(self.exponents)}"
+            )
+        for exponent in self.exponents:
+            check_between("power dispersion: exponents", exponent, -12.0, 12.0)
+        for coefficient in self.coefficients:
+            check_between("power dispersion: coefficients", coefficient, -1e40, 1e40)
+        lowest = float(np.min(self.evaluate(np.linspace(*self.range_nm, 401))))
+        if not lowest >= 1.0:
+            raise InvalidInputError(
+                f"power dispersion: the index must be >= 1 from 380 to 780 nm, got {lowest:g}; "
+                "check the units: nm"
+            )
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """The visible range, nm."""
+        return (380.0, 780.0)
+
+    def evaluate(self, wavelength_nm: np.ndarray) -> np.ndarray:
+        """Refractive index, shape of the input."""
+        wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+        terms = (c * wavelength**p for c, p in zip(self.coefficients, self.exponents, strict=True))
+        return np.asarray(sum(terms))
+
+
+@dataclass(frozen=True)
+class TabulatedDispersion:
+    """Dispersion given by a table, with straight lines between its rows.
+
+    Parameters
+    ----------
+    wavelengths_nm
+        Increasing, nm, at least two.
+    indices
+        Refractive indices there.
+
+    Raises
+    ------
+    InvalidInputError
+        If the table is no increasing list of indices >= 1.
+    """
+
+    wavelengths_nm: tuple[float, ...]
+    indices: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        for name in ("wavelengths_nm", "indices"):
+            values = check_array(f"dispersion table: {name}", getattr(self, name))
+            if values.ndim != 1 or values.size < 2 or not np.all(np.isfinite(values)):
+                raise InvalidInputError(
+                    f"dispersion table: {name} must be at least two finite numbers, got "
+                    f"{values.size}"
+                )
+            object.__setattr__(self, name, tuple(values.tolist()))
+        if len(self.wavelengths_nm) != len(self.indices):
+            raise InvalidInputError(
+                "dispersion table: wavelengths_nm and indices must be of one length, got "
+                f"{len(self.wavelengths_nm)} and {len(self.indices)}"
+            )
+        steps = np.diff(self.wavelengths_nm)
+        if not (np.all(steps > 0) and self.wavelengths_nm[0] > 0):
+            raise InvalidInputError(
+                "dispersion table: wavelengths_nm must be > 0 and increase; sort the table"
+            )
+        if min(self.indices) < 1.0:
+            raise InvalidInputError(
+                f"dispersion table: indices must be >= 1, got {min(self.indices):g}"
+            )
+
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """First and last wavelength of the table, nm."""
+        return (self.wavelengths_nm[0], self.wavelengths_nm[-1])
+
+    def evaluate(self, wavelength_nm: np.ndarray) -> np.ndarray:
+        """Refractive index, shape of the input."""
+        return np.asarray(np.interp(wavelength_nm, self.wavelengths_nm, self.indices))
+
+
+@dataclass(frozen=True)
 class Medium:
-    """A homogeneous ocular medium: a name and a dispersion."""
+    """An ocular medium: a name and a dispersion; homogeneous, unless it is a `GradientMedium`."""
 
     name: str
     dispersion: Dispersion
@@ -274,6 +394,11 @@ class Medium:
                 f"{type(self.dispersion).__name__}; a single index is ConstantIndex(n)"
             )
 
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """The wavelengths at which the medium is defined, nm."""
+        return self.dispersion.range_nm
+
     def index(self, wavelength_nm: np.ndarray | float) -> np.ndarray:
         """Refractive index at vacuum wavelengths in nm, shape of the input, float64.
 
@@ -283,7 +408,7 @@ class Medium:
             If a wavelength lies outside the range of the dispersion formula.
         """
         wavelength = check_array("wavelength_nm", wavelength_nm)
-        low, high = self.dispersion.range_nm
+        low, high = self.range_nm
         if not np.all((wavelength >= low) & (wavelength <= high)):
             raise InvalidInputError(
                 f"medium {self.name!r}: wavelength must lie between {low:g} and {high:g} nm, "

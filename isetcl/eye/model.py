@@ -14,17 +14,18 @@ from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_positive, check_type
+from isetcl.errors import InvalidInputError, check_choice, check_pair, check_positive, check_type
 from isetcl.eye.media import AIR, Medium
-from isetcl.eye.pictures import EyePictures
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
+from isetcl.eye.variants import EyeVariants
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from isetcl.eye.field import FieldMap
+    from isetcl.eye.field_plane import FieldPlane
     from isetcl.eye.paraxial import CardinalPoints, Pupil
     from isetcl.eye.wavefront import Reference, Wavefront
 
@@ -49,7 +50,7 @@ class AccommodationModel(Protocol):
 
 
 @dataclass(frozen=True)
-class Eye(EyePictures):
+class Eye(EyeVariants):
     """A sequential model eye.
 
     Parameters
@@ -57,7 +58,8 @@ class Eye(EyePictures):
     name
         Name of the model.
     surfaces
-        Refracting surfaces in the order light meets them, corneal front first (vertex at z = 0).
+        Refracting surfaces in the order light meets them. The front of the cornea has its vertex at
+        z = 0; lenses in front of it, as spectacles, come before it.
     stop
         The iris. It acts before the first surface whose vertex is at or behind its plane.
     retina
@@ -66,6 +68,9 @@ class Eye(EyePictures):
         The medium in front of the first surface, air by default.
     accommodation_model, accommodation_parameter
         The family this eye belongs to and its place in it; None for an eye that cannot accommodate.
+    fovea_deg
+        Field angles (x, y) of the direction that the fovea sees, degrees from the optical axis. In
+        human eyes about 5 degrees nasally: to the left (x < 0) for a right eye.
 
     Raises
     ------
@@ -80,17 +85,23 @@ class Eye(EyePictures):
     medium_before: Medium = AIR
     accommodation_model: AccommodationModel | None = None
     accommodation_parameter: float | None = None
+    fovea_deg: tuple[float, float] = (0.0, 0.0)
 
     def __post_init__(self) -> None:
         self._check_types()
         if not self.surfaces:
             raise InvalidInputError(f"eye {self.name!r} needs at least one refracting surface")
-        if self.surfaces[0].vertex_z_mm != 0.0:
+        z = [surface.vertex_z_mm for surface in self.surfaces]
+        if z[0] > 0.0 or 0.0 not in z:
             raise InvalidInputError(
-                f"eye {self.name!r}: the first surface must have vertex_z_mm = 0 (the origin of "
-                f"the eye frame), got {self.surfaces[0].vertex_z_mm:g}"
+                f"eye {self.name!r}: the front of the cornea must have vertex_z_mm = 0 (the origin "
+                f"of the eye frame), with nothing but lenses in front of it, got {z[0]:g} mm for "
+                f"the first surface, {self.surfaces[0].name!r}"
             )
         self._check_order()
+        from isetcl.eye.gradient_check import check_gradients
+
+        check_gradients(self, REFERENCE_WAVELENGTH_NM)
 
     def _check_types(self) -> None:
         """Refuse parts that are no parts of an eye."""
@@ -103,6 +114,9 @@ class Eye(EyePictures):
         check_type(f"{label}: stop", self.stop, Stop)
         check_type(f"{label}: retina", self.retina, Retina)
         check_type(f"{label}: medium_before", self.medium_before, Medium)
+        object.__setattr__(
+            self, "fovea_deg", check_pair(f"{label}: fovea_deg", self.fovea_deg, "deg")
+        )
         if self.accommodation_model is not None and not hasattr(self.accommodation_model, "eye"):
             raise InvalidInputError(
                 f"{label}: accommodation_model must have `eye` and `parameter_range`, got "
@@ -114,7 +128,7 @@ class Eye(EyePictures):
         """Refuse surfaces that are out of order or cut each other inside their semi-diameters."""
         for front, back in zip(self.surfaces, self.surfaces[1:], strict=False):
             rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), 65)
-            gap = _smallest_gap_mm(front, back, rho)
+            gap = smallest_gap_mm(front, back, rho)
             if np.min(gap) < 0:
                 at = rho[np.argmax(gap < 0)]
                 raise InvalidInputError(
@@ -157,6 +171,12 @@ class Eye(EyePictures):
             and self.retina.is_rotational
         )
 
+    def asymmetries(self) -> list[str]:
+        """What keeps the eye from being a figure of revolution, by name."""
+        names = [surface.name for surface in self.surfaces if not surface.is_rotational]
+        names += ["stop"] * (not self.stop.is_rotational)
+        return names + ["retina"] * (not self.retina.is_rotational)
+
     @property
     def axial_length_mm(self) -> float:
         """Corneal vertex to retinal vertex, mm."""
@@ -179,17 +199,23 @@ class Eye(EyePictures):
 
     def wavelength_range_nm(self) -> tuple[float, float]:
         """The wavelengths at which every medium is defined, nm."""
-        ranges = [m.dispersion.range_nm for m in self.media()]
+        ranges = [m.range_nm for m in self.media()]
         return max(r[0] for r in ranges), min(r[1] for r in ranges)
 
     def power_dpt(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> float:
         """Equivalent power in dioptres at a wavelength in nm (paraxial).
+
+        Of an astigmatic eye the mean of its principal meridians; see `isetcl.eye.astigmatism`.
 
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium.
         """
+        if not self.is_rotational:
+            from isetcl.eye import astigmatism
+
+            return astigmatism.principal_meridians(self, wavelength_nm).mean_dpt
         return self.cardinal_points(wavelength_nm).power_dpt
 
     def cardinal_points(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> CardinalPoints:
@@ -275,17 +301,22 @@ class Eye(EyePictures):
 
         return focus.focus_at(self, distance_m, wavelength_nm, criterion)
 
-    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap:
+    def field_map(self, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> FieldMap | FieldPlane:
         """The chief-ray map between field angle and retinal position at a wavelength in nm.
+
+        A `FieldPlane`, of two field angles, where the eye is not a figure of revolution.
 
         Raises
         ------
         InvalidInputError
             If the wavelength lies outside the range of a medium, or no chief ray passes the eye.
         """
-        from isetcl.eye import field
+        from isetcl.eye import field, field_plane
 
-        return field.field_map(self, check_positive("wavelength_nm", wavelength_nm, "nm"))
+        wavelength = check_positive("wavelength_nm", wavelength_nm, "nm")
+        if self.is_rotational:
+            return field.field_map(self, wavelength)
+        return field_plane.field_plane(self, wavelength)
 
     def wavefront(
         self,
@@ -358,14 +389,11 @@ class Eye(EyePictures):
 
     def describe(self) -> dict[str, Any]:
         """The whole prescription as plain JSON-ready values, for provenance."""
-        description = dataclasses.asdict(
-            dataclasses.replace(self, accommodation_model=None, accommodation_parameter=None)
-        )
+        from isetcl.eye.files.values import to_values
+
+        alone = dataclasses.replace(self, accommodation_model=None)
+        description: dict[str, Any] = to_values(alone, "eye", strict=False)
         del description["accommodation_model"]
-        description["accommodation_parameter"] = self.accommodation_parameter
-        for surface, described in zip(self.surfaces, description["surfaces"], strict=True):
-            kind = type(surface.medium_after.dispersion).__name__
-            described["medium_after"]["dispersion"]["kind"] = kind
         return description
 
 
@@ -382,7 +410,7 @@ def check_eye_wavelengths(eye: Eye, wavelengths_nm: np.ndarray) -> None:
 _GAP_AZIMUTHS = 24
 
 
-def _smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
+def smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.ndarray:
     """Distance along z from one surface to the next at distances from the axis, mm, (n,).
 
     The smallest over all azimuths; places where one of them does not reach count as open.

@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from isetcl.errors import check_between, check_choice
+from isetcl.errors import check_between, check_choice, check_type
 from isetcl.eye.build import Face, PupilSpec, cornea_surfaces, lens_surfaces
 from isetcl.eye.media import Medium, NavarroDispersion
 from isetcl.eye.model import Eye
@@ -42,6 +42,7 @@ class NavarroModel:
     hold: Hold = "vitreous_depth"
 
     def __post_init__(self) -> None:
+        check_type("pupil", self.pupil, PupilSpec)
         check_choice("hold", self.hold, ("vitreous_depth", "axial_length"))
 
     @property

@@ -2,8 +2,10 @@
 
 The object's distance enters as its vergence, so that infinity is no special case. Rays are named by
 where they cross the entrance pupil: the plane through the point where the chief ray meets the axis,
-at right angles to the chief ray. Its axes x and y are the right and the up of the eye that looks
-along the chief ray; on axis they are the axes of the eye frame.
+at right angles to the chief ray. (In an eye that is no figure of revolution it is the point where
+the chief ray passes nearest to the middle of the paraxial entrance pupil.) Its axes x and y are the
+right and the up of the eye that looks along the chief ray; on axis they are the axes of the eye
+frame.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_finite, check_pair, check_positive, check_type
 from isetcl.eye.field import FieldMap, direction_from_field
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.sequential import trace_elements
@@ -33,7 +36,7 @@ class PupilRays:
     Attributes
     ----------
     entrance_mm : ndarray, (n, 2)
-        Where they cross the entrance pupil, mm from the chief ray's axis crossing.
+        Where they cross the entrance pupil, mm from its middle.
     stop_mm : ndarray, (n, 2)
         Where they meet the plane of the stop, mm, eye frame.
     point_mm, direction : ndarray, (n, 3)
@@ -87,8 +90,9 @@ class ObjectPoint:
         self.field_deg = check_field(field_deg)
         vergence = vergence_from_distance(object_distance_m)
         self.angle_deg = math.hypot(*self.field_deg)
-        self.map: FieldMap = eye.field_map(self.wavelength_nm)
-        self.entrance_z_mm = float(self.map.entrance_z_mm(self.angle_deg))
+        self.map: FieldMap | FieldPlane = eye.field_map(self.wavelength_nm)
+        self._entrance = self._entrance_middle()
+        self.entrance_z_mm = float(self._entrance[2])
         self.towards = direction_from_field(*np.array(self.field_deg))
         self._check_object(vergence)
         per_mm = vergence / MM_PER_M
@@ -96,6 +100,12 @@ class ObjectPoint:
         self.per_mm = -float(self.towards[2]) * per_mm / (1.0 + per_mm * self.entrance_z_mm)
         self.axes = pupil_axes(self.field_deg)
         self._flatten()
+
+    def _entrance_middle(self) -> np.ndarray:
+        """The middle of the entrance pupil, mm, (3,)."""
+        if isinstance(self.map, FieldPlane):
+            return self.map.entrance_mm(*np.array(self.field_deg))
+        return np.array([0.0, 0.0, float(self.map.entrance_z_mm(self.angle_deg))])
 
     def _flatten(self) -> None:
         """The eye at this wavelength as elements."""
@@ -162,17 +172,21 @@ class ObjectPoint:
             rays.passed,
         )
 
-    def aim(self, stop_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def aim(
+        self, stop_mm: np.ndarray, guess_mm: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Points of the entrance pupil whose rays meet the stop's plane at `stop_mm`, (n, 2), mm.
 
-        Newton's method with differences. The second result marks where it succeeded; it fails where
-        no ray from the object gets there.
+        Newton's method with differences, from the paraxial pupil or a better guess. The second
+        result marks where it succeeded; it fails where no ray from the object gets there.
         """
         pupil = self.eye.entrance_pupil(self.wavelength_nm)
         foreshortened = max(math.cos(math.radians(self.angle_deg)), 0.2)
         along = np.array(self.field_deg) / self.angle_deg if self.angle_deg > 0 else np.zeros(2)
-        point = stop_mm * pupil.magnification
+        point = (stop_mm - self.eye.stop.decentre_mm) * pupil.magnification
         point = point - (1.0 - foreshortened) * (point @ along)[:, None] * along
+        if guess_mm is not None:
+            point = guess_mm
         step = 1e-5 * self.eye.stop.radius_mm
         for _ in range(_NEWTON_STEPS):
             reached, _ = self._at_stop(point)
@@ -199,7 +213,7 @@ class ObjectPoint:
         InvalidInputError
             If it is lost on its way.
         """
-        point, found = self.aim(np.zeros((1, 2)))
+        point, found = self.aim(self.eye.stop.rim_mm(np.zeros((1, 2))))
         rays = self.trace(point)
         if not (found[0] and rays.passed[0]):
             raise InvalidInputError(
@@ -213,7 +227,7 @@ class ObjectPoint:
         offset = entrance_mm @ self.axes
         directions = self.per_mm * offset - self.towards
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        return offset + np.array([0.0, 0.0, self.entrance_z_mm]), directions
+        return offset + self._entrance, directions
 
     def _at_stop(self, entrance_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         rays = trace_elements(self._front, *self.launch(entrance_mm), "retina")

@@ -2,6 +2,7 @@
 
 Rays are (y, n u): height in mm and index times slope. A surface of power (n' - n) c takes n u to
 n u - y (n' - n) c; a gap t takes y to y + t n u / n (Smith & Atchison 1997, appendix 1).
+A gradient takes (y, n u) along by the paraxial equation (n0 y')' = 2 n1 y, n = n0(z) + n1(z) r^2.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError
 from isetcl.eye.model import Eye
+from isetcl.eye.prescription import placed_gradients
 from isetcl.units import MM_PER_M
 
 
@@ -79,12 +81,18 @@ def system_matrix(
     surfaces = eye.surfaces
     last = len(surfaces) if last is None else last
     matrix = np.eye(2)
+    gradients = placed_gradients(eye, wavelength_nm)
     for i in range(first, last):
+        n_before, inside = index[i], gradients[i]
+        if i > 0 and inside is not None:
+            gap = surfaces[i].vertex_z_mm - surfaces[i - 1].vertex_z_mm
+            n_before = inside.profile.axial(np.array([gap]))[0][0]
         if i > first:
             gap = surfaces[i].vertex_z_mm - surfaces[i - 1].vertex_z_mm
-            matrix = _transfer(gap / index[i]) @ matrix
+            along = _transfer(gap / index[i]) if inside is None else inside.ray_matrix(0.0, gap)
+            matrix = along @ matrix
         bend_x, _, bend_y = surfaces[i].vertex_curvatures()
-        power = (index[i + 1] - index[i]) * (bend_x + bend_y) / 2.0
+        power = (index[i + 1] - n_before) * (bend_x + bend_y) / 2.0
         matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
     return matrix
 
@@ -104,7 +112,7 @@ def cardinal_points(eye: Eye, wavelength_nm: float) -> CardinalPoints:
     index = eye.indices(wavelength_nm)
     n, n_image = float(index[0]), float(index[-1])
     front_length, back_length = n / c, -n_image / c
-    front_focus = n * d / c
+    front_focus = eye.surfaces[0].vertex_z_mm + n * d / c
     back_focus = eye.surfaces[-1].vertex_z_mm - n_image * a / c
     return CardinalPoints(
         power_dpt=-c * MM_PER_M,
@@ -127,7 +135,7 @@ def entrance_pupil(eye: Eye, wavelength_nm: float) -> Pupil:
     if i > 0:
         gap = eye.stop.z_mm - eye.surfaces[i - 1].vertex_z_mm
         matrix = _transfer(gap / index[i]) @ matrix
-        z = float(index[0] * matrix[0, 1] / matrix[0, 0])
+        z = eye.surfaces[0].vertex_z_mm + float(index[0] * matrix[0, 1] / matrix[0, 0])
     else:
         z = eye.stop.z_mm
     magnification = 1.0 / float(matrix[0, 0])
@@ -155,8 +163,9 @@ def object_vergence_dpt(eye: Eye, wavelength_nm: float) -> float:
     index = eye.indices(wavelength_nm)
     gap = eye.retina.vertex_z_mm - eye.surfaces[-1].vertex_z_mm
     matrix = _transfer(gap / index[-1]) @ system_matrix(eye, wavelength_nm)
-    # An object at z = -s has y = s u at the vertex; it is imaged where A s / n + B = 0.
-    return float(-MM_PER_M * matrix[0, 0] / (index[0] * matrix[0, 1]))
+    # Of an object s in front of the first surface, y = s u there; A s / n + B = 0 at its image.
+    start = eye.surfaces[0].vertex_z_mm
+    return float(-MM_PER_M * matrix[0, 0] / (index[0] * matrix[0, 1] + start * matrix[0, 0]))
 
 
 def _transfer(reduced_gap: float) -> np.ndarray:

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from isetcl.eye.gradient import GradientMedium
+from isetcl.eye.gradient_path import PlacedGradient
 from isetcl.eye.placement import Placement
 from isetcl.eye.quadric import Quadric
 from isetcl.eye.shapes.shape import SurfaceShape
-from isetcl.eye.surface import form_quadric
+from isetcl.eye.surface import Surface, form_quadric, form_sag
 
 if TYPE_CHECKING:
     from isetcl.eye.model import Eye
@@ -34,7 +36,8 @@ class Element:
 
     `n_before` is on the scene side and `n_after` on the retinal side; they are equal at the stop
     and at the retina. Lengths in mm, eye frame. `shape` and `placement` as in `Surface`. A ray is
-    inside if x^2 + (y / aspect)^2 <= semi_diameter^2 in the element's own frame.
+    inside if x^2 + (y / aspect)^2 <= semi_diameter^2 in the element's own frame. Where a medium has
+    a gradient, `gradient_before` or `gradient_after` is it, and the index is that at the vertex.
     """
 
     kind: ElementKind
@@ -48,6 +51,8 @@ class Element:
     shape: SurfaceShape | None = None
     placement: Placement | None = None
     aspect: float = 1.0
+    gradient_before: PlacedGradient | None = None
+    gradient_after: PlacedGradient | None = None
 
     @property
     def quadric(self) -> Quadric:
@@ -84,21 +89,31 @@ def elements(eye: Eye, wavelength_nm: float) -> tuple[Element, ...]:
         If the wavelength lies outside the range of a medium.
     """
     index = eye.indices(wavelength_nm)
-    sequence = [
-        Element(
-            ElementKind.REFRACT,
-            surface.name,
-            surface.vertex_z_mm,
-            surface.curvature,
-            surface.conic,
-            surface.semi_diameter_mm,
-            float(index[i]),
-            float(index[i + 1]),
-            surface.shape,
-            surface.placement,
+    gradients = placed_gradients(eye, wavelength_nm)
+    sequence = []
+    for i, surface in enumerate(eye.surfaces):
+        before, n_before = gradients[i], float(index[i])
+        if before is not None:
+            vertex = np.array([[0.0, 0.0, surface.vertex_z_mm]])
+            if surface.placement is not None:
+                vertex[0, :2] = surface.placement.decentre_mm
+            n_before = float(before.index_at(vertex)[0])
+        sequence.append(
+            Element(
+                ElementKind.REFRACT,
+                surface.name,
+                surface.vertex_z_mm,
+                surface.curvature,
+                surface.conic,
+                surface.semi_diameter_mm,
+                n_before,
+                float(index[i + 1]),
+                surface.shape,
+                surface.placement,
+                gradient_before=before,
+                gradient_after=gradients[i + 1],
+            )
         )
-        for i, surface in enumerate(eye.surfaces)
-    ]
     sequence.insert(eye.stop_index, _stop(eye, float(index[eye.stop_index])))
     n_vitreous = float(index[-1])
     retina = eye.retina
@@ -117,6 +132,43 @@ def elements(eye: Eye, wavelength_nm: float) -> tuple[Element, ...]:
         )
     )
     return tuple(sequence)
+
+
+def placed_gradients(eye: Eye, wavelength_nm: float) -> list[PlacedGradient | None]:
+    """The gradient of every medium of `Eye.media` at a wavelength in nm; None if homogeneous."""
+    found: list[PlacedGradient | None] = [None] * (len(eye.surfaces) + 1)
+    for i, (front, back) in enumerate(zip(eye.surfaces, eye.surfaces[1:], strict=False)):
+        medium = front.medium_after
+        if isinstance(medium, GradientMedium):
+            found[i + 1] = PlacedGradient(
+                medium.gradient(wavelength_nm),
+                front.vertex_z_mm,
+                front.placement,
+                _chords(front, back),
+            )
+    return found
+
+
+_CHORDS = (0.0, 0.25, 0.5, 0.75, 1.0)
+
+
+def _chords(front: Surface, back: Surface) -> tuple[tuple[float, float, float], ...]:
+    """(r, z in front, z behind) of lines through a lens in its front surface's frame, mm.
+
+    The outermost lies on the rim. Decentration and tilt of one surface against the other are left
+    out.
+    """
+    rim = max(front.semi_diameter_mm, back.semi_diameter_mm)
+    apart = back.vertex_z_mm - front.vertex_z_mm
+    chords = []
+    for part in _CHORDS:
+        r = part * rim
+        start, end = (
+            float(form_sag(s.curvature, s.conic, s.shape, min(r, s.semi_diameter_mm), 0.0))
+            for s in (front, back)
+        )
+        chords.append((r, start, apart + end))
+    return tuple(chords)
 
 
 def _stop(eye: Eye, index: float) -> Element:

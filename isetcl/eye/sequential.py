@@ -6,12 +6,15 @@ directions scaled to the index there), so that agreement means something.
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from isetcl.errors import check_choice, check_vectors
+from isetcl.eye.gradient_path import PlacedGradient, propagate
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.quadric import Quadric
@@ -23,6 +26,11 @@ Towards = Literal["retina", "scene"]
 
 _NEWTON_STEPS = 24
 _LANDED_MM = 1e-13
+_LANDINGS = 12
+_NEAR_MM = 1e-9  # so short a way in a gradient is straight
+_LOST_PART = (
+    1e-3  # of n^2: where |T|^2 differs by more, a ray was where the gradient is meaningless
+)
 _ON_SURFACE_MM = 1e-10  # a ray that Newton's method leaves farther off a surface misses it
 
 
@@ -84,21 +92,30 @@ def trace_elements(
     opl = np.zeros(len(position))
     hits = []
     for i, element in enumerate(sequence):
-        crossing = intersect(position, direction, element, sense)
-        missed = crossing.missed
-        _lose(status, surface, missed, RayStatus.MISSED, i)
+        inside, beyond = element.gradient_before, element.gradient_after
         n_in, n_out = element.n_before, element.n_after
         if sense < 0:
+            inside, beyond = beyond, inside
             n_in, n_out = n_out, n_in
         alive = status == RayStatus.OK
+        if inside is None:
+            crossing = intersect(position, direction, element, sense)
+            here = Arrival(crossing, direction, n_in * crossing.length, n_in)
+        else:
+            here = _through_gradient(inside, position, direction, alive, element, sense)
+        crossing = here.crossing
+        _lose(status, surface, crossing.missed, RayStatus.MISSED, i)
+        alive = status == RayStatus.OK
         position = np.where(alive[:, None], crossing.position, position)
-        opl = np.where(alive, opl + n_in * crossing.length, opl)
+        direction = np.where(alive[:, None], here.direction, direction)
+        opl = np.where(alive, opl + here.path, opl)
         across = crossing.local[:, 1] / element.aspect
         outside = crossing.local[:, 0] ** 2 + across**2 > element.semi_diameter_mm**2
         reason = RayStatus.STOPPED if element.kind is ElementKind.STOP else RayStatus.OUTSIDE
         _lose(status, surface, outside, reason, i)
         if element.kind is ElementKind.REFRACT:
-            bent, reflected = _refract(direction, crossing, n_in, n_out, sense)
+            n_there = n_out if beyond is None else beyond.index_at(position)
+            bent, reflected = _refract(direction, crossing, here.index, n_there, sense)
             _lose(status, surface, reflected, RayStatus.REFLECTED, i)
             direction = np.where((status == RayStatus.OK)[:, None], bent, direction)
         if record_hits:
@@ -112,6 +129,19 @@ def trace_elements(
         opl,
         np.array(hits) if record_hits else None,
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Arrival:
+    """How n rays come to an element: unit directions (n, 3), optical path (n,) mm and index there.
+
+    In a homogeneous medium the direction is that at the start, and the index one number.
+    """
+
+    crossing: Crossing
+    direction: np.ndarray
+    path: np.ndarray
+    index: np.ndarray | float
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +190,68 @@ def intersect(
     return Crossing(hit, local, length, gradient, cosine, missed)
 
 
+def _through_gradient(
+    placed: PlacedGradient,
+    position: np.ndarray,
+    direction: np.ndarray,
+    alive: np.ndarray,
+    element: Element,
+    sense: float,
+) -> Arrival:
+    """Rays followed through a gradient onto the element behind it.
+
+    The way along a straight line to the element is taken as the length to integrate; what is then
+    left of the way is taken the same way, until it is so short that it is straight.
+    """
+    points, unit = placed.enter(position, direction)
+    points = np.where(alive[:, None], points, 0.0)
+    rays = unit * placed.profile.index(*points.T)[:, None]
+    path = np.zeros(len(points))
+    crossing, steps = intersect(position, direction, element, sense), placed.steps
+    size = None
+    for _ in range(_LANDINGS):
+        to_plane = element.enter(*placed.leave(points, rays))
+        plane = -to_plane[0][:, 2] / np.where(to_plane[1][:, 2] == 0.0, 1.0, to_plane[1][:, 2])
+        speed = np.linalg.norm(rays, axis=1)
+        span = np.where(crossing.missed, plane, crossing.length / speed)
+        usable = alive & np.isfinite(span) & (np.abs(span) < _LONGEST_STEP_MM)
+        span = np.where(usable, span, 0.0)
+        longest = float(np.max(np.abs(span), initial=0.0))
+        if longest < _NEAR_MM:
+            break
+        size = longest / steps if size is None else size
+        part = min(max(1, math.ceil(longest / size)), 4 * steps)
+        points, rays, piece = propagate(placed.profile, points, rays, span, part)
+        path = path + piece
+        unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+        finite = np.isfinite(points).all(axis=1) & np.isfinite(unit).all(axis=1)
+        points, alive = np.where(finite[:, None], points, 0.0), alive & finite
+        unit = np.where(finite[:, None], unit, np.array([0.0, 0.0, 1.0]))
+        rays = np.where(finite[:, None], rays, unit)
+        crossing = intersect(*placed.leave(points, unit), element, sense)
+    return _land(placed, points, rays, path, crossing, alive)
+
+
+def _land(
+    placed: PlacedGradient,
+    points: np.ndarray,
+    rays: np.ndarray,
+    path: np.ndarray,
+    crossing: Crossing,
+    alive: np.ndarray,
+) -> Arrival:
+    """The last, straight step onto an element, and what was lost on the way to it."""
+    squared, force = placed.profile.squared_and_half_gradient(*points.T)
+    speed2 = np.einsum("ij,ij->i", rays, rays)
+    span = crossing.length / np.sqrt(speed2)
+    astray = ~(np.abs(speed2 - squared) <= _LOST_PART * squared)
+    lost = crossing.missed | ~alive | astray | ~(np.abs(crossing.length) < _NEAR_MM)
+    rays = rays + np.where(lost, 0.0, span)[:, None] * force
+    unit = placed.leave(points, rays / np.linalg.norm(rays, axis=1, keepdims=True))[1]
+    crossing = dataclasses.replace(crossing, missed=lost)
+    return Arrival(crossing, unit, path + squared * span, placed.index_at(crossing.position))
+
+
 @dataclass(frozen=True, eq=False)
 class _Form:
     """A surface that is met by Newton's method, in its own frame."""
@@ -183,7 +275,8 @@ class _Form:
         length = np.where(missed, to_plane, length)
         for _ in range(_NEWTON_STEPS):
             value, gradient = self._implicit(start + length[:, None] * heading)
-            step = value / (2.0 * np.einsum("ij,ij->i", gradient, heading))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = value / (2.0 * np.einsum("ij,ij->i", gradient, heading))
             step = np.where(np.isfinite(step), step, 0.0)
             length = length + np.clip(step, -_LONGEST_STEP_MM, _LONGEST_STEP_MM)
             if np.max(np.abs(step), initial=0.0) < _LANDED_MM:
@@ -249,8 +342,8 @@ def meets_far_side(
 def _refract(
     direction: np.ndarray,
     crossing: Crossing,
-    n_in: float,
-    n_out: float,
+    n_in: np.ndarray | float,
+    n_out: np.ndarray | float,
     sense: float,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Snell's law in vector form; returns unit directions (n, 3) and total reflection (n,)."""
@@ -261,7 +354,7 @@ def _refract(
     bend = (n_out**2 - n_in**2) / np.where(root + normal_part > 0, root + normal_part, 1.0)
     gradient = crossing.gradient
     normal = sense * gradient / np.linalg.norm(gradient, axis=1, keepdims=True)
-    bent = n_in * direction + bend[:, None] * normal
+    bent = np.asarray(n_in)[..., None] * direction + bend[:, None] * normal
     return bent / np.linalg.norm(bent, axis=1, keepdims=True), reflected
 
 

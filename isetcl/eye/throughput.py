@@ -9,9 +9,12 @@ import math
 import numpy as np
 
 from isetcl.eye.exit_pupil import StopOutline
+from isetcl.eye.exit_pupil_plane import PlaneOutline
 from isetcl.eye.field import FieldMap
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import ElementKind, elements
+from isetcl.eye.retina_form import retinal_normal
 from isetcl.eye.sequential import trace_elements
 
 
@@ -19,10 +22,17 @@ from isetcl.eye.sequential import trace_elements
 def axial_irradiance_per_radiance(eye: Eye, wavelength_nm: float) -> float:
     """Irradiance at the retinal vertex per unit uniform radiance in front of the eye, sr.
 
+    In an eye that is no figure of revolution, at the point that sees along the axis. Otherwise
     pi (n'/n)^2 sin^2(theta'), with theta' the angle in the vitreous of the real ray from the
     retinal vertex to the edge of the stop (Born & Wolf, 4.8; n'/n is conservation of basic
     radiance).
     """
+    if not eye.is_rotational:
+        grid_map = eye.field_map(wavelength_nm)
+        assert isinstance(grid_map, FieldPlane)
+        return float(
+            plane_irradiance_per_radiance(eye, wavelength_nm, grid_map, np.zeros((1, 2)))[0]
+        )
     index = eye.indices(wavelength_nm)
     sine = _marginal_sine(eye, wavelength_nm)
     return math.pi * (float(index[-1]) / float(index[0])) ** 2 * sine**2
@@ -51,16 +61,40 @@ def irradiance_per_radiance(
         edge = np.concatenate(
             [StopOutline(eye, wavelength_nm, grid_map).edge(f, _AZIMUTHS) for f in field[:, None]]
         )
+    start = grid_map.retinal_point_mm(np.zeros_like(field), field)
+    return _over_outlines(eye, wavelength_nm, start, edge, outline.z_mm)
+
+
+def plane_irradiance_per_radiance(
+    eye: Eye, wavelength_nm: float, grid_map: FieldPlane, field_deg: np.ndarray
+) -> np.ndarray:
+    """`irradiance_per_radiance` in an eye of any form, at field angles (n, 2) in degrees; (n,)."""
+    outline = PlaneOutline(eye, wavelength_nm, grid_map)
+    edge = outline.edge(field_deg, _AZIMUTHS)
+    if not outline.is_complete:
+        edge = np.concatenate(
+            [
+                PlaneOutline(eye, wavelength_nm, grid_map).edge(one[None], _AZIMUTHS)
+                for one in field_deg
+            ]
+        )
+    start = grid_map.retinal_point_mm(*field_deg.T)
+    return _over_outlines(eye, wavelength_nm, start, edge, outline.z_mm)
+
+
+def _over_outlines(
+    eye: Eye, wavelength_nm: float, start: np.ndarray, edge: np.ndarray, z_mm: float
+) -> np.ndarray:
+    """The integral over outlines (n, azimuths, 2) in the plane z, from retinal points (n, 3)."""
     nodes, weights = np.polynomial.legendre.leggauss(_RADII)
     radius, weights = (nodes + 1.0) / 2.0, weights / 2.0
     middle = edge.mean(axis=1, keepdims=True)
     spoke = edge - middle
     points = middle[:, None] + radius[:, None, None] * spoke[:, None]
-    target = np.concatenate([points, np.full((*points.shape[:-1], 1), outline.z_mm)], axis=-1)
-    start = grid_map.retinal_point_mm(np.zeros_like(field), field)[:, None, None, :]
-    ray = target - start
+    target = np.concatenate([points, np.full((*points.shape[:-1], 1), z_mm)], axis=-1)
+    ray = target - start[:, None, None, :]
     distance2 = np.sum(ray * ray, axis=-1)
-    normal = _retinal_normal(eye, start)
+    normal = retinal_normal(eye.retina, start)[:, None, None, :]
     cosines = np.abs(np.sum(ray * normal, axis=-1)) * np.abs(ray[..., 2]) / distance2
     # Area element: t dt times the area swept by the spoke per angle.
     following, previous = np.roll(spoke, -1, axis=1), np.roll(spoke, 1, axis=1)
@@ -77,15 +111,6 @@ def irradiance_per_radiance(
 
 _AZIMUTHS = 48
 _RADII = 8
-
-
-def _retinal_normal(eye: Eye, point_mm: np.ndarray) -> np.ndarray:
-    c, kappa = eye.retina.curvature, 1.0 + eye.retina.conic
-    z = point_mm[..., 2] - eye.retina.vertex_z_mm
-    gradient = np.stack(
-        [-c * point_mm[..., 0], -c * point_mm[..., 1], 1.0 - kappa * c * z], axis=-1
-    )
-    return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
 
 
 def _marginal_sine(eye: Eye, wavelength_nm: float) -> float:

@@ -7,13 +7,16 @@ import math
 import numpy as np
 
 from isetcl.eye.field import FieldMap
+from isetcl.eye.field_plane import FieldPlane, visual_angle_steps
 from isetcl.eye.retina import Retina
 
 
 def retinal_scale(
-    retina: Retina, chief_map: FieldMap, field_deg: tuple[float, float]
+    retina: Retina, chief_map: FieldMap | FieldPlane, field_deg: tuple[float, float]
 ) -> np.ndarray:
     """Steps along the retina of a degree of visual angle to the right and up, mm, (2, 3)."""
+    if isinstance(chief_map, FieldPlane):
+        return visual_angle_steps(field_deg) @ chief_map.slopes_mm_per_deg(field_deg)
     angle = math.hypot(*field_deg)
     c, s = (field_deg[0] / angle, field_deg[1] / angle) if angle > 0 else (1.0, 0.0)
     point = chief_map.retinal_point_mm(np.array(field_deg[0]), np.array(field_deg[1]))

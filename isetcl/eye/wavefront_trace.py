@@ -62,19 +62,21 @@ class _Pupil:
         self.source = source
         self.mm_per_deg = mm_per_deg
         self.chief = source.chief()
-        exit_pupil = np.array([0.0, 0.0, source.eye.exit_pupil(source.wavelength_nm).z_mm])
+        pupil = source.eye.exit_pupil(source.wavelength_nm)
+        middle = np.array(source.eye.stop.decentre_mm) * pupil.magnification
+        exit_pupil = np.array([*middle, pupil.z_mm])
         self.centre = self.chief.point_mm[0]
         self.radius = float(np.linalg.norm(self.centre - exit_pupil))
         self._fill()
 
     def _fill(self) -> None:
         """Trace rays over the stop, and fit entrance and stop coordinates as functions of q."""
-        radius = self.source.eye.stop.radius_mm
+        stop = self.source.eye.stop
         ring = np.sqrt((np.arange(_RINGS) + 0.5) / (_RINGS - 0.5)) * _RIM
         turn = 2.0 * np.pi * (np.arange(_SPOKES) + 0.5 * (np.arange(_RINGS) % 2)[:, None]) / _SPOKES
         disc = ring[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         rim = np.stack([np.cos(turn[0]), np.sin(turn[0])], axis=-1)
-        nodes = radius * np.concatenate([np.zeros((1, 2)), disc.reshape(-1, 2), rim])
+        nodes = stop.rim_mm(np.concatenate([np.zeros((1, 2)), disc.reshape(-1, 2), rim]))
         points, found = self.source.aim(nodes)
         rays = self.source.trace(points)
         usable = found & rays.passed
@@ -86,7 +88,7 @@ class _Pupil:
                 "larger semi-diameters"
             )
         self.rays = _select(rays, usable)
-        self.nodes = nodes[usable]
+        self.disc = stop.disc_of(nodes[usable])
 
     def opd_and_q(self, rays: PupilRays) -> tuple[np.ndarray, np.ndarray]:
         """W in um (n,) and pupil coordinates q in cycles/degree (n, 2) of rays."""
@@ -99,16 +101,8 @@ class _Pupil:
         return np.asarray(direction @ self.mm_per_deg.T * (self.source.index_after / wavelength_mm))
 
     def _to_sphere(self, rays: PupilRays) -> tuple[np.ndarray, np.ndarray]:
-        """Optical path to the reference sphere, mm, and unit directions from there to its centre.
-
-        The ray is followed back from the retina.
-        """
-        offset = rays.point_mm - self.centre
-        along = np.sum(offset * rays.direction, axis=1)
-        inside = along**2 - np.sum(offset**2, axis=1) + self.radius**2
-        back = along + np.sqrt(np.maximum(inside, 0.0))
-        on_sphere = offset - back[:, None] * rays.direction
-        return rays.opl_mm - self.source.index_after * back, -on_sphere / self.radius
+        """See `path_to_sphere`."""
+        return path_to_sphere(rays, self.centre, self.radius, self.source.index_after)
 
     def move_to_best_focus(self) -> None:
         """Move the centre of the sphere along the chief ray to where the RMS of W is least."""
@@ -116,7 +110,7 @@ class _Pupil:
 
         start, radius = self.centre, self.radius
         direction = self.chief.direction[0]
-        inside = np.linalg.norm(self.nodes, axis=1) <= self.source.eye.stop.radius_mm
+        inside = np.linalg.norm(self.disc, axis=1) <= 1.0
         flux = np.full(np.count_nonzero(inside), 1.0 / np.count_nonzero(inside))
 
         def variance(shift: float) -> float:
@@ -131,10 +125,9 @@ class _Pupil:
     def sampled(self, samples: int, vergence_dpt: float) -> Wavefront:
         """The wavefront on a grid in q."""
         _, q = self.opd_and_q(self.rays)
-        stop_radius = self.source.eye.stop.radius_mm
-        both = np.concatenate([self.rays.entrance_mm, self.nodes / stop_radius], axis=1)
+        both = np.concatenate([self.rays.entrance_mm, self.disc], axis=1)
         fitted = SmoothMap(q, both, _DEGREE)
-        middle, half = _box(q, np.linalg.norm(self.nodes, axis=1) <= stop_radius * (1 + 1e-9))
+        middle, half = _box(q, np.linalg.norm(self.disc, axis=1) <= 1 + 1e-9)
         step = 2.0 * half / samples
         axis = (np.arange(samples) - (samples - 1) / 2.0) * step
         flat = (middle + np.stack(np.meshgrid(axis, -axis), axis=-1)).reshape(-1, 2)
@@ -157,7 +150,7 @@ class _Pupil:
             full[near[lit][kept]] = values[kept]
             return full.reshape(samples, samples, *values.shape[1:])
 
-        edge = np.abs(np.linalg.norm(self.nodes, axis=1) - stop_radius) < 1e-9 * stop_radius
+        edge = np.abs(np.linalg.norm(self.disc, axis=1) - 1.0) < 1e-9
         start = self.chief.entrance_mm[0]
         rim = np.linalg.norm(self.rays.entrance_mm[edge] - start, axis=1)
         return Wavefront(
@@ -194,6 +187,21 @@ class _Pupil:
                 break
             entrance = entrance + np.einsum("nij,nj->ni", slopes, miss)
         return rays, slopes
+
+
+def path_to_sphere(
+    rays: PupilRays, centre_mm: np.ndarray, radius_mm: float, index: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Optical path to a reference sphere, mm, and unit directions from there to its centre.
+
+    The ray is followed back from the retina, in a medium of the index given.
+    """
+    offset = rays.point_mm - centre_mm
+    along = np.sum(offset * rays.direction, axis=1)
+    inside = along**2 - np.sum(offset**2, axis=1) + radius_mm**2
+    back = along + np.sqrt(np.maximum(inside, 0.0))
+    on_sphere = offset - back[:, None] * rays.direction
+    return rays.opl_mm - index * back, -on_sphere / radius_mm
 
 
 def _box(q: np.ndarray, used: np.ndarray) -> tuple[np.ndarray, float]:

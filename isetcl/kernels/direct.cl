@@ -42,6 +42,7 @@ INLINE void radiance(rayv ray, constant scene_t *scene, constant patch_t *patche
  * camera      the retina and its grid, with the tile
  * pupils      one for every band
  * elements    n_elements for every band, retina side first
+ * eye_table   numbers of their shapes
  * first, n_samples   sample numbers first ... first + n_samples - 1 of every band
  * block       samples of a band in this replicate: band b takes its points from the b-th block of
  *             the sequence, so that all bands together are one well-spread set
@@ -50,9 +51,10 @@ INLINE void radiance(rayv ray, constant scene_t *scene, constant patch_t *patche
  */
 kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
                           constant element_t *elements, const int n_elements,
-                          constant scene_t *scene, constant patch_t *patches,
-                          constant sphere_t *spheres, constant material_t *materials,
-                          constant image_t *images, global const uint *restrict texels,
+                          global const real *restrict eye_table, constant scene_t *scene,
+                          constant patch_t *patches, constant sphere_t *spheres,
+                          constant material_t *materials, constant image_t *images,
+                          global const uint *restrict texels,
                           const uint first, const uint n_samples, const uint block,
                           const uint stream, const int n_padded, global real *restrict film) {
   const size_t group = get_global_id(0);
@@ -78,11 +80,11 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
                        (realv)camera->left);
     realv gy = mul_add(top + sobol_coordinate(sample, 3, pixel_stream), (realv)camera->step_y,
                        (realv)camera->top);
-    realv s = mul_add(gx, gx, gy * gy);
     rayv ray;
-    retinal_point(camera, gx, gy, s, &ray);
-    realv weight = aim_at_pupil(camera, pupil, gx, gy, s, u, v, &ray);
-    maskv passed = leave_eye(&ray, sequence, n_elements);
+    realv weight = aim_from_retina(camera, pupil, elements, eye_table, gx, gy, u, v, &ray);
+    bendsv bends;
+    draw_bends(sample, pixel_stream, &bends);
+    maskv passed = leave_eye(&ray, sequence, n_elements, eye_table, &bends);
     weight = passed ? weight : (realv)0;
     realv colour[N_BASIS];
 #if HAS_SPHERES

@@ -16,8 +16,8 @@ INLINE void store_plane(realv value, local real *plane, int first) {
 
 kernel void follow_paths(
     constant camera_t *camera, constant pupil_t *pupils, constant element_t *elements,
-    const int n_elements, constant world_t *world, constant flat_t *flats,
-    constant ball_t *balls, global const real8 *restrict nodes,
+    const int n_elements, global const real *restrict eye_table, constant world_t *world,
+    constant flat_t *flats, constant ball_t *balls, global const real8 *restrict nodes,
     global const real8 *restrict blocks, global const int *restrict triangle_object,
     global const instance_t *restrict instances, global const object_t *restrict objects,
     global const substance_t *restrict substances, global const texture_t *restrict textures,
@@ -66,9 +66,8 @@ kernel void follow_paths(
     store_plane(load_lanes(starts, group + 6 * plane), passed, first);
 #else
     startv start;
-    start_group(camera, pupils + band, elements + band * n_elements, n_elements,
-                first_pixel + pixel, (uint)band * block + first_sample + (uint)sample, stream,
-                &start);
+    start_group(camera, pupils, elements, n_elements, eye_table, band, first_pixel + pixel,
+                (uint)band * block + first_sample + (uint)sample, stream, &start);
     store_plane(start.ox, origin, first);
     store_plane(start.oy, origin + n_slots, first);
     store_plane(start.oz, origin + 2 * n_slots, first);

@@ -10,7 +10,8 @@
  * The other arguments are those of render_direct.
  */
 kernel void start_paths(constant camera_t *camera, constant pupil_t *pupils,
-                        constant element_t *elements, const int n_elements, const uint first,
+                        constant element_t *elements, const int n_elements,
+                        global const real *restrict eye_table, const uint first,
                         const uint block, const uint stream, const int n_padded,
                         const int n_slots, global real *restrict origin,
                         global real *restrict direction, global real *restrict weight,
@@ -18,7 +19,7 @@ kernel void start_paths(constant camera_t *camera, constant pupil_t *pupils,
   const size_t group = get_global_id(0);
   const uint band = get_global_id(1), bands = get_global_size(1), number = get_global_id(2);
   startv start;
-  start_group(camera, pupils + band, elements + band * n_elements, n_elements, (int)(group * WIDTH),
+  start_group(camera, pupils, elements, n_elements, eye_table, (int)band, (int)(group * WIDTH),
               band * block + first + number, stream, &start);
   const size_t at = (((size_t)number * bands + band) * n_padded) / WIDTH + group;
   const size_t plane = (size_t)n_slots / WIDTH;

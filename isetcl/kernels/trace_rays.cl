@@ -1,4 +1,5 @@
 /* trace_rays.cl - rays through an eye, one bundle, one wavelength. */
+#include "lib/gradient.cl"
 #include "lib/refraction.cl"
 
 /* pass_all - rays through all elements, on the assumption that none is lost.
@@ -11,23 +12,20 @@
  * Returns the rays for which that is true; the others hold nonsense.
  */
 INLINE maskv pass_all(rayv *ray, realv *length, constant element_t *elements, int n_elements,
-                      real sense) {
+                      global const real *eye_table, real sense) {
   real vertex_z = 0;
   maskv passed = ray->x == ray->x;
   for (int i = 0; i < n_elements; ++i) {
     constant element_t *element = elements + i;
     ray->z += vertex_z - element->vertex_z;
     vertex_z = element->vertex_z;
-    realv q = 0, path;
-    if (element->kind == ELEMENT_STOP)
-      plane_cross(ray, &path);
-    else
-      passed = passed & conic_intersect(ray, element, sense, 0, &q, &path);
-    passed = passed & (mul_add(ray->x, ray->x, ray->y * ray->y) <= element->aperture2);
+    crossingv at;
+    passed = passed & arrive(ray, element, eye_table, sense, 0, &at);
+    passed = passed & is_inside(&at, element);
 #if HAS_OPL
-    *length = mul_add(path, (realv)element->n2_incident, *length);
+    *length = mul_add(at.path, (realv)element->n2_incident, *length);
 #endif
-    if (element->kind == ELEMENT_REFRACT) refract(ray, element, sense, q);
+    if (element->kind == ELEMENT_REFRACT) refract(ray, element, eye_table, sense, &at);
   }
   ray->z += vertex_z;
   return passed & is_number(ray->x + ray->tx);
@@ -40,7 +38,8 @@ INLINE maskv pass_all(rayv *ray, realv *length, constant element_t *elements, in
  * Returns status + 256 (element + 1) of every ray, RAY_OK for those that passed.
  */
 INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements, int n_elements,
-                         real sense, global real *hits, int n_padded, size_t group) {
+                         global const real *eye_table, real sense, global real *hits, int n_padded,
+                         size_t group) {
   intv outcome = RAY_OK;
   real vertex_z = 0;
   for (int i = 0; i < n_elements; ++i) {
@@ -49,11 +48,8 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
     ray->z += vertex_z - element->vertex_z;
     vertex_z = element->vertex_z;
     rayv next = *ray;
-    realv q = 0, path;
-    if (element->kind == ELEMENT_STOP)
-      plane_cross(&next, &path);
-    else
-      conic_intersect(&next, element, sense, 1, &q, &path);
+    crossingv at;
+    arrive(&next, element, eye_table, sense, 1, &at);
     maskv alive = mask_from_int(outcome == RAY_OK);
     maskv met = is_number(next.x + next.y + next.z);
     outcome = int_from_mask(alive & !met) ? (intv)(here + RAY_MISSED) : outcome;
@@ -62,14 +58,14 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
     ray->y = alive ? next.y : ray->y;
     ray->z = alive ? next.z : ray->z;
 #if HAS_OPL
-    *length = alive ? mul_add(path, (realv)element->n2_incident, *length) : *length;
+    *length = alive ? mul_add(at.path, (realv)element->n2_incident, *length) : *length;
 #endif
     const int reason = element->kind == ELEMENT_STOP ? RAY_STOPPED : RAY_OUTSIDE;
-    maskv inside = mul_add(ray->x, ray->x, ray->y * ray->y) <= element->aperture2;
+    maskv inside = is_inside(&at, element);
     outcome = int_from_mask(alive & !inside) ? (intv)(here + reason) : outcome;
     alive = alive & inside;
     if (element->kind == ELEMENT_REFRACT) {
-      refract(&next, element, sense, q);
+      refract(&next, element, eye_table, sense, &at);
       maskv through = is_number(next.tx);
       outcome = int_from_mask(alive & !through) ? (intv)(here + RAY_REFLECTED) : outcome;
       alive = alive & through;
@@ -93,6 +89,7 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
  * origin     x, y, z planes of n_padded reals, mm, eye frame
  * direction  x, y, z planes, unit vectors; or one vector for all rays (HAS_SHARED_DIRECTION)
  * elements   elements in the order the rays meet them, for this direction of travel
+ * eye_table  numbers of their shapes
  * sense      +1 towards the retina, -1 towards the scene
  * n_padded   rays, a multiple of WIDTH
  * position   end points, mm, planes
@@ -102,10 +99,11 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
  * hits       element, then x, y, z planes, mm (HAS_HITS)
  */
 kernel void trace_rays(global const real *restrict origin, global const real *restrict direction,
-                       constant element_t *elements, const int n_elements, const real sense,
-                       const int n_padded, global real *restrict position,
-                       global real *restrict leaving, global int *restrict outcome,
-                       global real *restrict opl, global real *restrict hits) {
+                       constant element_t *elements, const int n_elements,
+                       global const real *restrict eye_table, const real sense, const int n_padded,
+                       global real *restrict position, global real *restrict leaving,
+                       global int *restrict outcome, global real *restrict opl,
+                       global real *restrict hits) {
   const size_t group = get_global_id(0);
   const size_t plane = n_padded;
   const real n_start = elements[0].index_incident;
@@ -126,12 +124,13 @@ kernel void trace_rays(global const real *restrict origin, global const real *re
   realv length = 0;
   intv result = RAY_OK;
 #if !HAS_HITS
-  if (!all_lanes(pass_all(&ray, &length, elements, n_elements, sense)))
+  if (!all_lanes(pass_all(&ray, &length, elements, n_elements, eye_table, sense)))
 #endif
   {
     ray = start;
     length = 0;
-    result = pass_or_stay(&ray, &length, elements, n_elements, sense, hits, n_padded, group);
+    result = pass_or_stay(&ray, &length, elements, n_elements, eye_table, sense, hits, n_padded,
+                          group);
   }
   store_lanes(ray.x, position, group);
   store_lanes(ray.y, position + plane, group);

@@ -21,6 +21,7 @@ from isetcl.errors import (
 )
 from isetcl.eye import paraxial
 from isetcl.eye.field import direction_from_field
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import elements
 from isetcl.eye.rays import RayBundle
@@ -68,9 +69,9 @@ def geometric_psf(
 ) -> Psf:
     """The PSF of an eye from its own rays, without diffraction.
 
-    On axis a meridional fan is traced and turned about the axis; off axis the whole pupil is
-    filled. Every ray carries the flux of its share of solid angle. The kernel is as large as the
-    rays need.
+    On the axis of an eye that is a figure of revolution a meridional fan is traced and turned about
+    the axis; otherwise the whole pupil is filled. Every ray carries the flux of its share of solid
+    angle. The kernel is as large as the rays need.
 
     Parameters
     ----------
@@ -98,7 +99,7 @@ def geometric_psf(
             f"vergence_dpt must lie between 0 and {MM_PER_M / _CORNEA_CLEARANCE_MM:g} dpt (the "
             f"object in front of the eye), got {vergence_dpt:g} dpt"
         )
-    if field_deg == (0.0, 0.0):
+    if field_deg == (0.0, 0.0) and eye.is_rotational:
         radius_deg, weights = _axial_spread(eye, wavelength_nm, vergence_dpt)
         return _turned(radius_deg / pitch_deg, weights, pitch_deg)
     x, y, weights = _field_spread(eye, wavelength_nm, vergence_dpt, field_deg)
@@ -113,7 +114,10 @@ def _axial_spread(
     # A little more than the paraxial pupil; the stop decides.
     heights = 1.05 * pupil.radius_mm * np.sqrt((np.arange(_RADIAL_RAYS) + 0.5) / _RADIAL_RAYS)
     origins, directions = _launch(
-        np.stack([np.zeros_like(heights), heights], axis=1), vergence_dpt, pupil.z_mm, (0.0, 0.0)
+        np.stack([np.zeros_like(heights), heights], axis=1),
+        vergence_dpt,
+        np.array([0.0, 0.0, pupil.z_mm]),
+        (0.0, 0.0),
     )
     rays = trace_elements(elements(eye, wavelength_nm), origins, directions, "retina")
     field = _seen_from(eye, wavelength_nm, rays)
@@ -131,8 +135,8 @@ def _field_spread(
     radius = 1.3 * pupil.radius_mm * np.sqrt((i + 0.5) / _PUPIL_RAYS)
     turn = i * math.pi * (3.0 - math.sqrt(5.0))
     points = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
-    chief_z = float(eye.field_map(wavelength_nm).entrance_z_mm(math.hypot(*field_deg)))
-    origins, directions = _launch(points, vergence_dpt, chief_z, field_deg)
+    middle = eye.field_map(wavelength_nm).entrance_mm(*np.array(field_deg))
+    origins, directions = _launch(points, vergence_dpt, middle, field_deg)
     rays = trace_elements(elements(eye, wavelength_nm), origins, directions, "retina")
     seen = _seen_from(eye, wavelength_nm, rays)
     flux = directions[:, 2] ** 3 * rays.passed
@@ -150,19 +154,18 @@ def _check_flux(eye: Eye, flux: np.ndarray, vergence_dpt: float) -> None:
 
 
 def _launch(
-    pupil_mm: np.ndarray, vergence_dpt: float, pupil_z_mm: float, field_deg: tuple[float, float]
+    pupil_mm: np.ndarray, vergence_dpt: float, centre: np.ndarray, field_deg: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rays from one object point through points (n, 2) of the entrance pupil's plane, mm.
 
-    The object's distance enters as its vergence, so that infinity is no special case. Rays start
-    outside the cornea.
+    The points count from the pupil's centre (3,), mm, in the eye frame. The object's distance
+    enters as its vergence, so that infinity is no special case. Rays start outside the cornea.
     """
     towards = direction_from_field(*np.array(field_deg))
-    through = np.concatenate([pupil_mm, np.full((len(pupil_mm), 1), pupil_z_mm)], axis=1)
-    centre = np.array([0.0, 0.0, pupil_z_mm])
+    through = centre + np.concatenate([pupil_mm, np.zeros((len(pupil_mm), 1))], axis=1)
     # The object point is centre + towards * t with its depth 1000 / vergence from the cornea.
     per_mm = vergence_dpt / MM_PER_M
-    reach = (1.0 + per_mm * pupil_z_mm) / -towards[2]
+    reach = (1.0 + per_mm * centre[2]) / -towards[2]
     direction = per_mm * (through - centre) - reach * towards
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     back = (through[:, 2:] + _CORNEA_CLEARANCE_MM) / direction[:, 2:]
@@ -173,6 +176,8 @@ def _seen_from(eye: Eye, wavelength_nm: float, rays: RayBundle) -> np.ndarray:
     """Field angles (x, y) in degrees of the chief rays to the retinal points of rays, (n, 2)."""
     chief = eye.field_map(wavelength_nm)
     point = rays.positions_mm
+    if isinstance(chief, FieldPlane):
+        return chief.field_of_point_deg(point)
     height = np.hypot(point[:, 0], point[:, 1])
     depth = point[:, 2] - eye.retina.vertex_z_mm
     arc = _arc_mm(eye, height, depth)

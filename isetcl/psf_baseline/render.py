@@ -15,13 +15,18 @@ from collections.abc import Callable
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice, check_count, check_type
-from isetcl.eye.field import direction_from_field
+from isetcl.eye.field import FieldMap, direction_from_field
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye, check_eye_wavelengths
+from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import irradiance_per_radiance
 from isetcl.memory import check_memory
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
 from isetcl.psf_baseline.methods import Method, methods
+from isetcl.psf_baseline.plane import fields_seen_deg, plane_throughput
 from isetcl.psf_baseline.psf import Psf, geometric_psf
+from isetcl.psf_baseline.veil import veil
 from isetcl.psf_baseline.view import (
     Layer,
     Layers,
@@ -31,7 +36,7 @@ from isetcl.psf_baseline.view import (
     take_layers,
 )
 from isetcl.retina.depth import vergence_map
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.basis import spectral_basis
 from isetcl.scene.light import Environment
@@ -58,9 +63,11 @@ def render(
     layers: Layers = "auto",
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     oversampling: int = 2,
+    scatter: ScatterModel | None = None,
+    media: OcularMedia | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> RetinalImage:
     """The retinal image of a scene approximated by PSF convolution, in absolute units.
@@ -80,6 +87,11 @@ def render(
         edges in dioptres.
     oversampling
         Samples across a pixel in views and PSFs.
+    scatter
+        Light that is scattered inside the eye: its share is taken from the image and spread as a
+        veil, from sources outside the image too. None leaves it out.
+    media
+        Ocular media whose transmittance multiplies the spectrum; None is clear media.
     progress
         Called with the fraction done after every wavelength.
 
@@ -104,12 +116,15 @@ def render(
         raise InvalidInputError(
             f"progress must be a function of the fraction done, or None, got {progress!r}"
         )
+    if scatter is not None:
+        check_type("scatter", scatter, ScatterModel)
     grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
     wavelengths = check_wavelengths(
         default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
     )
     check_eye_wavelengths(eye, wavelengths)
     _check_square(grid)
+    transmittance = transmittance_or_one(media, wavelengths)
     scene = _filtered(scene, grid, oversampling)
     basis = spectral_basis(scene, wavelengths)
     edges, psfs, margin = _layers_and_psfs(scene, grid, layers, wavelengths, oversampling)
@@ -119,14 +134,19 @@ def render(
         scene, view, basis, _open_ended(edges), complete=chosen.needs_complete_layers
     )
     irradiance = np.zeros((len(wavelengths), *grid.shape), dtype=np.float32)
-    if taken:
-        spectra = LayerSpectra(taken)
+    spread = None if scatter is None else veil(scene, view, basis, scatter)
+    if taken or spread is not None:
+        spectra = LayerSpectra(taken) if taken else None
         for i, wavelength in enumerate(wavelengths):
-            blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken])
-            channels = chosen.combine(blur, len(taken))
+            channels = np.zeros((len(basis.spectra), *view.shape), dtype=np.float32)
+            if spectra is not None:
+                blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken])
+                channels = chosen.combine(blur, len(taken))
+            if scatter is not None and spread is not None:
+                channels = (1.0 - scatter.fraction) * channels + spread
             radiance = np.tensordot(basis.spectra[:, i].astype(np.float32), channels, axes=1)
             on_retina = _onto_retina(radiance, view, float(wavelength))
-            irradiance[i] = on_retina * _throughput(grid, float(wavelength))
+            irradiance[i] = on_retina * _throughput(grid, float(wavelength)) * transmittance[i]
             if progress is not None:
                 progress((i + 1) / len(wavelengths))
     details = {
@@ -137,6 +157,8 @@ def render(
         "scene_digest": scene.digest(),
         "layers_dpt": [layer.vergence_dpt for layer in taken],
         "oversampling": oversampling,
+        "media": None if media is None else media.describe(),
+        "scatter": None if scatter is None else scatter.describe(),
         "psf_energy_outside": max(
             (p.energy_outside for row in psfs for p in row.values()), default=0.0
         ),
@@ -180,7 +202,7 @@ def _check_emission_only(scene: Scene) -> None:
 def _filtered(scene: Scene, grid: RetinalGrid, oversampling: int) -> Scene:
     """The scene with pictures averaged down where a sample of the view covers several texels."""
     sample_rad = math.radians(min(grid.pitch_deg)) / oversampling
-    pupil_m = float(grid.field_map.entrance_z_mm(0.0)) / MM_PER_M
+    pupil_m = grid.field_map.entrance_mm(np.array(0.0), np.array(0.0)) / MM_PER_M
     x = np.linspace(grid.x_deg[0], grid.x_deg[-1], 33)
     y = np.linspace(grid.y_deg[0], grid.y_deg[-1], 33)
     directions = direction_from_field(*np.meshgrid(x, y))
@@ -188,7 +210,7 @@ def _filtered(scene: Scene, grid: RetinalGrid, oversampling: int) -> Scene:
     for item in scene.objects:
         image = item.material.texture
         if isinstance(image, Image):
-            hits = intersect(item.shape, np.array([0.0, 0.0, pupil_m]), directions)
+            hits = intersect(item.shape, pupil_m, directions)
             nearest = float(np.min(hits.distance_m))
             if math.isfinite(nearest):
                 across = texels_across(item.shape, image, nearest, sample_rad)
@@ -291,18 +313,25 @@ def _margin(
 ) -> int:
     """Samples a view must reach beyond the image: the largest PSF and the lateral colour shift."""
     radius = max(psf.radius for row in psfs for psf in row.values())
-    arc = float(grid.field_map.arc_mm(grid.limit_deg))
     shift = 0.0
     for wavelength in (wavelengths_nm[0], wavelengths_nm[-1]):
-        own = grid.eye.field_map(float(wavelength))
-        shift = max(shift, abs(float(own.field_deg(_within(arc, own))) - grid.limit_deg))
+        shift = max(shift, _shift_deg(grid, float(wavelength)))
     return radius + int(np.ceil(shift / min(grid.pitch_deg) * oversampling)) + 2
 
 
-def _within(arc_mm: np.ndarray | float, field_map: object) -> np.ndarray:
-    from isetcl.eye.field import FieldMap
+def _shift_deg(grid: RetinalGrid, wavelength_nm: float) -> float:
+    """How far from its label a retinal point of the image looks at a wavelength, at the worst."""
+    labels, own = grid.field_map, grid.eye.field_map(wavelength_nm)
+    if isinstance(labels, FieldPlane) and isinstance(own, FieldPlane):
+        at = grid.rectangle.lattice(5)
+        return float(np.max(np.linalg.norm(fields_seen_deg(labels, own, at) - at, axis=1)))
+    assert isinstance(labels, FieldMap)
+    assert isinstance(own, FieldMap)
+    arc = float(labels.arc_mm(grid.limit_deg))
+    return abs(float(own.field_deg(_within(arc, own))) - grid.limit_deg)
 
-    assert isinstance(field_map, FieldMap)
+
+def _within(arc_mm: np.ndarray | float, field_map: FieldMap) -> np.ndarray:
     return np.minimum(arc_mm, float(field_map.arc_mm(field_map.max_field_deg)))
 
 
@@ -318,29 +347,52 @@ def _onto_retina(radiance: np.ndarray, view: ViewGrid, wavelength_nm: float) -> 
     rows, columns = grid.shape
     inner = slice(view.margin, -view.margin) if view.margin else slice(None)
     x, y = view.x_deg()[inner], view.y_deg()[inner]
-    own = grid.eye.field_map(wavelength_nm)
-    field = np.linspace(0.0, grid.limit_deg, 65)
-    seen = own.field_deg(_within(grid.field_map.arc_mm(field), own))
-    ratio = np.ones_like(field)
-    ratio[1:] = seen[1:] / field[1:]
-    ratio[0] = ratio[1]
-    if np.max(np.abs(seen - field)) > _SHIFT_TOLERANCE * view.pitch_deg[0]:
-        scale = np.interp(np.hypot(x[None, :], y[:, None]), field, ratio)
-        column = (x[None, :] * scale - view.x_deg()[0]) / view.pitch_deg[0]
-        row = (view.y_deg()[0] - y[:, None] * scale) / view.pitch_deg[1]
+    seen_x, seen_y, largest = _seen(grid, wavelength_nm, x, y)
+    if largest > _SHIFT_TOLERANCE * view.pitch_deg[0]:
+        column = (seen_x - view.x_deg()[0]) / view.pitch_deg[0]
+        row = (view.y_deg()[0] - seen_y) / view.pitch_deg[1]
         samples = map_coordinates(radiance, [row, column], order=1, mode="nearest")
     else:
         samples = radiance[inner, inner]
     return samples.reshape(rows, n, columns, n).mean(axis=(1, 3))
 
 
+def _seen(
+    grid: RetinalGrid, wavelength_nm: float, x_deg: np.ndarray, y_deg: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Directions (x, y) that retinal points see at a wavelength, and their largest shift, degrees.
+
+    The points have the labels of a grid of columns `x_deg` and rows `y_deg`.
+    """
+    labels, own = grid.field_map, grid.eye.field_map(wavelength_nm)
+    if isinstance(labels, FieldPlane) and isinstance(own, FieldPlane):
+        x, y = np.meshgrid(x_deg, y_deg)
+        at = np.stack([x.ravel(), y.ravel()], axis=1)
+        both = fields_seen_deg(labels, own, at)
+        shift = float(np.max(np.linalg.norm(both - at, axis=1)))
+        return both[:, 0].reshape(x.shape), both[:, 1].reshape(x.shape), shift
+    assert isinstance(labels, FieldMap)
+    assert isinstance(own, FieldMap)
+    field = np.linspace(0.0, grid.limit_deg, 65)
+    seen = own.field_deg(_within(labels.arc_mm(field), own))
+    ratio = np.ones_like(field)
+    ratio[1:] = seen[1:] / field[1:]
+    ratio[0] = ratio[1]
+    scale = np.interp(np.hypot(x_deg[None, :], y_deg[:, None]), field, ratio)
+    shift = float(np.max(np.abs(seen - field)))
+    return x_deg[None, :] * scale, y_deg[:, None] * scale, shift
+
+
 def _throughput(grid: RetinalGrid, wavelength_nm: float) -> np.ndarray:
     """Irradiance per unit radiance at every pixel, sr, (rows, columns)."""
     from scipy.interpolate import CubicSpline
 
+    labels = grid.field_map
+    if isinstance(labels, FieldPlane):
+        return plane_throughput(grid, wavelength_nm)
     # A node every two degrees: far out the pupil closes quickly.
     nodes = np.linspace(0.0, grid.limit_deg, max(9, math.ceil(grid.limit_deg / 2.0) + 1))
-    values = irradiance_per_radiance(grid.eye, wavelength_nm, grid.field_map, nodes)
+    values = irradiance_per_radiance(grid.eye, wavelength_nm, labels, nodes)
     even = CubicSpline(
         np.concatenate([-nodes[:0:-1], nodes]), np.concatenate([values[:0:-1], values])
     )

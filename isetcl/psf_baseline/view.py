@@ -16,6 +16,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_count
 from isetcl.eye.field import direction_from_field
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
 from isetcl.scene.mesh import Mesh
@@ -170,7 +171,7 @@ def _outline(
     grid: RetinalGrid, shape: Shape, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Field angles (x, y), degrees, and vergences of points on the outline of a shape."""
-    pupil = np.array([0.0, 0.0, float(grid.field_map.entrance_z_mm(0.0)) / MM_PER_M])
+    pupil = grid.field_map.entrance_mm(np.array(0.0), np.array(0.0)) / MM_PER_M
     point = outline_points(shape, pupil, count)
     point = point[point[:, 2] < 0.0]
     away = point - pupil
@@ -201,8 +202,13 @@ def _cluster_edges(seen: np.ndarray, step_dpt: float, pad: float) -> np.ndarray:
 
 def _rays(grid: RetinalGrid, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Origins in the entrance pupil, metres, and directions, for field angles."""
-    field = np.minimum(np.hypot(x, y), grid.field_map.max_field_deg)
-    z = grid.field_map.entrance_z_mm(field) / MM_PER_M
+    chief = grid.field_map
+    field = np.minimum(np.hypot(x, y), chief.max_field_deg)
+    if isinstance(chief, FieldPlane):
+        inside = field / np.maximum(np.hypot(x, y), 1e-300) * (1.0 - 1e-12)
+        origin = chief.entrance_mm(x * inside, y * inside) / MM_PER_M
+        return origin, direction_from_field(x, y)
+    z = chief.entrance_z_mm(field) / MM_PER_M
     return np.stack([np.zeros_like(x), np.zeros_like(x), z], axis=-1), direction_from_field(x, y)
 
 

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.device import program
+from isetcl.device.bending import add_bends
+from isetcl.device.elements import pack_eye, travel_order
 from isetcl.device.layout import real_dtype
-from isetcl.device.tracer import pack_elements, travel_order
 from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack
@@ -75,8 +76,8 @@ class DirectPipeline:
         self._channels = self._n_bands * plan.config.n_basis
         try:
             self._camera = pack.pack_camera(plan.grid, plan.config.precision)
-            self._camera_buffer = self._upload(self._camera)
             self._arguments = self._constants()
+            self._camera_buffer = self._upload(self._camera)
             columns, rows = plan.tile
             self._padded = self._pad(columns * rows)
             self._film = cl.Buffer(
@@ -108,14 +109,24 @@ class DirectPipeline:
             travel_order(elements(plan.eye, band.wavelength_nm), "scene")
             for band in plan.band_choice.bands
         ]
-        packed = [pack_elements(sequence, "scene", precision) for sequence in sequences]
+        packed = add_bends(
+            pack_eye([*sequences, *pack.relief_sequence(plan.eye)], "scene", precision),
+            sequences,
+            plan.eye.stop,
+            [band.wavelength_nm for band in plan.band_choice.bands],
+            diffraction=plan.bends.diffraction,
+            scatter=plan.bends.scatter,
+        )
         indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
+        pupils = pack.pack_pupils(plan.pupils, indices, precision)
+        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed)
         assert isinstance(plan.images, tuple)
         scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)
         return (
-            self._upload(pack.pack_pupils(plan.pupils, indices, precision)),
-            self._upload(np.concatenate(packed)),
+            self._upload(pupils),
+            self._upload(packed.elements),
             np.int32(len(sequences[0])),
+            self._upload(table),
             *(
                 self._upload(scene[name])
                 for name in ("scene", "patches", "spheres", "materials", "images", "texels")

@@ -173,5 +173,7 @@ class Film:
             "bands_nm": [band.wavelength_nm for band in prepared.band_choice.bands],
             "precision": prepared.config.precision,
             "tile": list(prepared.tile),
+            **prepared.bends.describe(),
+            "media": None if prepared.media is None else prepared.media.describe(),
             **prepared.device.describe(),
         }

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Literal
 
 from isetcl.device.devices import Device
+from isetcl.device.eye_features import EyeFeatures
 from isetcl.device.layout import Precision
 
 
@@ -17,9 +19,34 @@ class MaterialKind(IntEnum):
     IMAGE = 2
 
 
+BendKind = Literal["none", "airy", "iset3d", "optrace", "isotropic"]
+_HURB_AXES: tuple[BendKind, ...] = ("iset3d", "optrace", "isotropic")
+
+
+def eye_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
+    """The #defines of the eye: what its surfaces are, and what bends rays inside it."""
+    numbers = {f"HURB_{name.upper()}": i for i, name in enumerate(_HURB_AXES)}
+    is_hurb = config.diffraction in _HURB_AXES
+    return (
+        config.eye_feature_defines()
+        | numbers
+        | {
+            "HAS_ASPHERIC_RETINA": int(config.has_aspheric_retina),
+            "HAS_ASYMMETRY": int(config.has_asymmetry),
+            "HAS_RELIEF": int(config.has_relief),
+            "HAS_FAR_SIDE": int(config.has_far_side),
+            "HAS_SEMI_DIAMETERS": int(config.has_semi_diameters),
+            "HAS_DIFFRACTION": int(config.diffraction != "none"),
+            "DIFFRACTION_AIRY": int(config.diffraction == "airy"),
+            "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
+            "HAS_SCATTER": int(config.has_scatter),
+        }
+    )
+
+
 @dataclass(frozen=True)
-class KernelConfig:
-    """Compile-time features of the direct pipeline.
+class KernelConfig(EyeFeatures):
+    """Compile-time features of the direct pipeline; what an eye needs is in `EyeFeatures`.
 
     Attributes
     ----------
@@ -27,14 +54,18 @@ class KernelConfig:
         Type and lanes of the arithmetic.
     n_basis
         Spectra that span the scene: channels of the film.
-    has_conics
-        Some refracting surface is not a sphere.
     has_aspheric_retina
         The retina is not a sphere, so its normal has to be normalised.
+    has_asymmetry
+        The eye is no figure of revolution: retina and pupils are functions of two field angles.
+    has_relief
+        A height map lies on the retina.
     has_far_side
         Some ray may cross a surface beyond its equator.
     has_semi_diameters
         Some ray that passes the stop may be clipped elsewhere.
+    diffraction, has_scatter
+        What bends rays: "none", "airy" or the axes of HURB; and scatter.
     has_patches, has_discs, has_spheres, has_textured_spheres
         Shapes in the scene.
     has_checkerboards, has_images
@@ -46,10 +77,13 @@ class KernelConfig:
     precision: Precision
     vector_width: int
     n_basis: int = 1
-    has_conics: bool = True
     has_aspheric_retina: bool = True
+    has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
+    diffraction: BendKind = "none"
+    has_scatter: bool = False
     has_patches: bool = True
     has_discs: bool = True
     has_spheres: bool = True
@@ -61,21 +95,21 @@ class KernelConfig:
 
     def defines(self, device: Device) -> dict[str, int]:
         """The #defines, those of the device included."""
-        return device.defines(self.precision, self.vector_width) | {
-            "N_BASIS": self.n_basis,
-            "HAS_CONICS": int(self.has_conics),
-            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-            "HAS_FAR_SIDE": int(self.has_far_side),
-            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
-            "HAS_PATCHES": int(self.has_patches),
-            "HAS_DISCS": int(self.has_discs),
-            "HAS_SPHERES": int(self.has_spheres),
-            "HAS_TEXTURED_SPHERES": int(self.has_textured_spheres),
-            "HAS_CHECKERBOARDS": int(self.has_checkerboards),
-            "HAS_IMAGES": int(self.has_images),
-            "TEXTURE_CHANNELS": self.texture_channels,
-            "TEXTURE_PACKED": int(self.is_texture_packed),
-        }
+        return (
+            device.defines(self.precision, self.vector_width)
+            | eye_defines(self)
+            | {
+                "N_BASIS": self.n_basis,
+                "HAS_PATCHES": int(self.has_patches),
+                "HAS_DISCS": int(self.has_discs),
+                "HAS_SPHERES": int(self.has_spheres),
+                "HAS_TEXTURED_SPHERES": int(self.has_textured_spheres),
+                "HAS_CHECKERBOARDS": int(self.has_checkerboards),
+                "HAS_IMAGES": int(self.has_images),
+                "TEXTURE_CHANNELS": self.texture_channels,
+                "TEXTURE_PACKED": int(self.is_texture_packed),
+            }
+        )
 
 
 SAMPLES_AT_ONCE = 8
@@ -109,7 +143,7 @@ def path_width(device: Device, precision: Precision) -> int:
 
 
 @dataclass(frozen=True)
-class PathConfig:
+class PathConfig(EyeFeatures):
     """Compile-time features of the path pipeline, and how far it follows paths.
 
     Attributes
@@ -122,7 +156,8 @@ class PathConfig:
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
     starts_given
         Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
-    has_conics, has_aspheric_retina, has_far_side, has_semi_diameters
+    has_aspheric_retina, has_asymmetry, has_relief, has_far_side, has_semi_diameters, diffraction,
+    has_scatter
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
         Shapes in the scene; triangles in place, and those of instanced meshes.
@@ -151,10 +186,13 @@ class PathConfig:
     max_bounces: int
     is_fused: bool = False
     starts_given: bool = False
-    has_conics: bool = True
     has_aspheric_retina: bool = True
+    has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
+    diffraction: BendKind = "none"
+    has_scatter: bool = False
     has_flats: bool = True
     has_balls: bool = True
     has_textured_balls: bool = True
@@ -187,12 +225,7 @@ class PathConfig:
 
     def eye_defines(self, device: Device, width: int) -> dict[str, int]:
         """The #defines of the stage that leaves the eye, those of the device included."""
-        return device.defines(self.precision, width) | {
-            "HAS_CONICS": int(self.has_conics),
-            "HAS_ASPHERIC_RETINA": int(self.has_aspheric_retina),
-            "HAS_FAR_SIDE": int(self.has_far_side),
-            "HAS_SEMI_DIAMETERS": int(self.has_semi_diameters),
-        }
+        return device.defines(self.precision, width) | eye_defines(self)
 
     def path_defines(self, device: Device) -> dict[str, int]:
         """The #defines of the stages that follow paths, those of the device included."""

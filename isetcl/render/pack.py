@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from isetcl.device.bending import declarations as bend_declarations
+from isetcl.device.elements import PackedEye
+from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
-from isetcl.device.tracer import declarations as ray_declarations
 from isetcl.eye.exit_pupil import ExitPupilBound
+from isetcl.eye.exit_pupil_plane import PlanePupilBound
+from isetcl.eye.field_plane import FieldPlane
+from isetcl.eye.model import Eye
 from isetcl.eye.polynomial import MAX_TERMS
+from isetcl.eye.prescription import Element
+from isetcl.eye.retina_form import relief, retina_element
 from isetcl.render.kernel_config import KernelConfig, MaterialKind
 from isetcl.render.sobol import directions
 from isetcl.retina.grid import RetinalGrid
@@ -33,6 +40,9 @@ CAMERA = Struct(
         Member("retina_z"),
         Member("curvature"),
         Member("kappa"),
+        Member("plane", "int"),
+        Member("degree", "int"),
+        Member("retina", "int"),
         Member("chord", length=MAX_TERMS),
         Member("depth", length=MAX_TERMS),
     ),
@@ -44,6 +54,8 @@ PUPIL = Struct(
         Member("n_semi", "int"),
         Member("n_stretch", "int"),
         Member("n_centre", "int"),
+        Member("plane", "int"),
+        Member("degree", "int"),
         Member("z"),
         Member("index"),
         Member("pi_index_ratio2"),
@@ -132,7 +144,7 @@ def sobol_declaration() -> str:
 
 def eye_declarations() -> str:
     """The C declarations of the camera."""
-    return CAMERA.c_declaration() + PUPIL.c_declaration()
+    return CAMERA.c_declaration() + PUPIL.c_declaration() + bend_declarations()
 
 
 def declarations(config: KernelConfig) -> str:
@@ -156,6 +168,11 @@ def declarations(config: KernelConfig) -> str:
 def pack_camera(grid: RetinalGrid, precision: Precision) -> np.ndarray:
     """The retina and its grid; the tile is filled in for every launch."""
     record = np.zeros(1, dtype=CAMERA.dtype(precision))
+    if isinstance(grid.field_map, FieldPlane):
+        record["image_width"] = grid.resolution[0]
+        record["left"], record["step_x"] = -1.0, 2.0 / grid.resolution[0]
+        record["top"], record["step_y"] = 1.0, -2.0 / grid.resolution[1]
+        return record
     chord, depth = grid.polynomials()
     limit = grid.limit_deg
     record["image_width"] = grid.resolution[0]
@@ -172,7 +189,9 @@ def pack_camera(grid: RetinalGrid, precision: Precision) -> np.ndarray:
 
 
 def pack_pupils(
-    bounds: tuple[ExitPupilBound, ...], indices: np.ndarray, precision: Precision
+    bounds: tuple[ExitPupilBound | PlanePupilBound, ...],
+    indices: np.ndarray,
+    precision: Precision,
 ) -> np.ndarray:
     """Exit-pupil ellipses; `indices` are (object, vitreous) indices of each band, (bands, 2)."""
     records = np.zeros(len(bounds), dtype=PUPIL.dtype(precision))
@@ -182,10 +201,45 @@ def pack_pupils(
         record["index"] = n_vitreous
         record["pi_index_ratio2"] = np.pi * (n_vitreous / n_object) ** 2
         record["inverse_object_index"] = 1.0 / n_object
+        if isinstance(bound, PlanePupilBound):
+            continue
         _fill(record, "semi", bound.semi)
         _fill(record, "stretch", bound.stretch)
         _fill(record, "centre", bound.centre)
     return records
+
+
+def relief_sequence(eye: Eye) -> list[tuple[Element, ...]]:
+    """The retina as an element of its own, where the kernels have to know its relief."""
+    return [] if relief(eye.retina) is None else [(retina_element(eye.retina),)]
+
+
+def pack_planes(
+    grid: RetinalGrid,
+    bounds: tuple[ExitPupilBound | PlanePupilBound, ...],
+    camera: np.ndarray,
+    pupils: np.ndarray,
+    packed: PackedEye,
+) -> np.ndarray:
+    """The table of an eye, and behind it the polynomials of its retina and pupils, if it has any.
+
+    Where they begin is filled into the records of camera and pupils. The last element is the retina
+    if it has a relief.
+    """
+    functions = [bound.ellipse for bound in bounds if isinstance(bound, PlanePupilBound)]
+    eye_table = packed.table
+    if not functions:
+        return eye_table
+    camera["retina"] = len(packed.elements) - 1
+    used = len(eye_table)
+    parts = [eye_table]
+    records = [camera[0], *pupils]
+    for record, function in zip(records, [grid.plane_polynomial(), *functions], strict=True):
+        numbers = function.powers().ravel().astype(eye_table.dtype)
+        record["plane"], record["degree"] = used, function.degree
+        parts.append(numbers)
+        used += len(numbers)
+    return np.concatenate(parts)
 
 
 def _fill(record: np.ndarray, name: str, coefficients: np.ndarray) -> None:

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isetcl.device import program
+from isetcl.device.bending import add_bends
+from isetcl.device.elements import declarations as ray_declarations
+from isetcl.device.elements import pack_eye, travel_order
 from isetcl.device.layout import real_dtype
-from isetcl.device.tracer import declarations as ray_declarations
-from isetcl.device.tracer import pack_elements, travel_order
 from isetcl.errors import OutOfMemoryError
 from isetcl.eye.prescription import elements
 from isetcl.render import pack, pack_paths
@@ -78,11 +79,21 @@ class PathPipeline:
         bands = plan.band_choice.bands
         sequences = [travel_order(elements(plan.eye, b.wavelength_nm), "scene") for b in bands]
         indices = np.array([(s[-1].n_before, s[0].n_after) for s in sequences])
-        packed = [pack_elements(s, "scene", precision) for s in sequences]
+        packed = add_bends(
+            pack_eye([*sequences, *pack.relief_sequence(plan.eye)], "scene", precision),
+            sequences,
+            plan.eye.stop,
+            [band.wavelength_nm for band in plan.band_choice.bands],
+            diffraction=plan.bends.diffraction,
+            scatter=plan.bends.scatter,
+        )
         self._camera = pack.pack_camera(plan.grid, precision)
+        pupils = pack.pack_pupils(plan.pupils, indices, precision)
+        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed)
         self._camera_buffer = self._upload(self._camera)
-        self._pupils = self._upload(pack.pack_pupils(plan.pupils, indices, precision))
-        self._elements = self._upload(np.concatenate(packed))
+        self._pupils = self._upload(pupils)
+        self._elements = self._upload(packed.elements)
+        self._eye_table = self._upload(table)
         self._n_elements = len(sequences[0])
 
     def _upload_bands(self) -> None:
@@ -192,7 +203,8 @@ class PathPipeline:
         cl.enqueue_copy(queue, self._tile_buffer, record)
 
     def _eye_arguments(self) -> tuple[Any, ...]:
-        return (self._camera_buffer, self._pupils, self._elements, np.int32(self._n_elements))
+        n_elements = np.int32(self._n_elements)
+        return (self._camera_buffer, self._pupils, self._elements, n_elements, self._eye_table)
 
     def _start_arguments(self) -> tuple[Any, ...]:
         if self._config.starts_given:

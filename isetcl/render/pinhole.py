@@ -19,7 +19,7 @@ from isetcl.render.kernel_config import PathConfig
 from isetcl.render.paths import PathPipeline
 from isetcl.render.plan import DEFAULT_BOUNCES, Plan, plan
 from isetcl.render.survey import Survey, survey
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.pinhole_view import PinholeView
 from isetcl.scene.model import Scene
 from isetcl.units import MM_PER_M
@@ -37,7 +37,7 @@ def pinhole(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     layers: int | Literal["all"] = 1,
     spp: int = 64,
     wavelengths_nm: np.ndarray | None = None,
@@ -117,8 +117,7 @@ def pinhole(
 def chief_rays(grid: RetinalGrid) -> tuple[np.ndarray, np.ndarray]:
     """Origins (metres) and directions, (rows, columns, 3), of the chief rays of pixel centres."""
     x, y = np.meshgrid(grid.x_deg, grid.y_deg)
-    z = grid.field_map.entrance_z_mm(np.hypot(x, y)) / MM_PER_M
-    return np.stack([np.zeros_like(x), np.zeros_like(x), z], axis=-1), grid.directions()
+    return grid.field_map.entrance_mm(x, y) / MM_PER_M, grid.directions()
 
 
 def vergence_of(rays: tuple[np.ndarray, np.ndarray], distance_m: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,9 +19,14 @@ from isetcl.device.choose import find_device
 from isetcl.device.devices import Device
 from isetcl.device.layout import Precision
 from isetcl.errors import check_choice, check_count, check_type
-from isetcl.eye.exit_pupil import ExitPupilBound, exit_pupil_bound
+from isetcl.eye.exit_pupil import ExitPupilBound
+from isetcl.eye.exit_pupil_plane import PlanePupilBound, pupil_bounds
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
+from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.ray_bending import DiffractionChoice
+from isetcl.eye.retina_form import relief
+from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
 from isetcl.render.kernel_config import (
@@ -31,6 +36,8 @@ from isetcl.render.kernel_config import (
     PathConfig,
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
+from isetcl.render.plan_bends import NO_BENDS, Bends, decide_bends
+from isetcl.render.plan_eye import decide_eye_features
 from isetcl.render.plan_paths import (
     check_mesh_memory,
     check_spectra,
@@ -39,7 +46,7 @@ from isetcl.render.plan_paths import (
     path_images,
 )
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
@@ -72,7 +79,7 @@ class Plan:
         Groups of wavelengths that share a trace.
     basis : SpectralBasis or None
         The spectra that span the scene; None where paths carry wavelengths.
-    pupils : tuple of ExitPupilBound
+    pupils : tuple of ExitPupilBound or PlanePupilBound
         One for each band.
     images : tuple of Image or None, or dict
         For each object the picture as it is uploaded; of the path pipeline, pictures averaged down
@@ -83,6 +90,10 @@ class Plan:
     tile : (columns, rows)
         Largest piece of the image rendered by one launch.
     device : Device
+    media : OcularMedia or None
+        What multiplies the spectrum behind the eye's optics.
+    bends : Bends
+        Diffraction and scatter.
     """
 
     scene: Scene
@@ -91,12 +102,14 @@ class Plan:
     wavelengths_nm: np.ndarray
     band_choice: BandChoice
     basis: SpectralBasis | None
-    pupils: tuple[ExitPupilBound, ...]
+    pupils: tuple[ExitPupilBound | PlanePupilBound, ...]
     images: tuple[Image | None, ...] | dict[str, Image]
     config: KernelConfig | PathConfig
     decisions: tuple[Decision, ...]
     tile: tuple[int, int]
     device: Device
+    media: OcularMedia | None = None
+    bends: Bends = NO_BENDS
 
     def explain(self) -> str:
         """The decisions as a table: what, how, why."""
@@ -109,8 +122,9 @@ class Plan:
     def expansion(self) -> np.ndarray:
         """Matrix from film channels (band, basis) to spectral irradiance, (wavelengths, channels).
 
-        A wavelength takes its band's film, its own spectra, and a factor for the small difference
-        of the eye's throughput on axis between the wavelength and its band.
+        A wavelength takes its band's film, its own spectra, a factor for the small difference of
+        the eye's throughput on axis between the wavelength and its band, and the transmittance of
+        the ocular media.
         """
         n_basis = self.config.n_basis
         matrix = np.zeros((len(self.wavelengths_nm), len(self.band_choice.bands) * n_basis))
@@ -123,7 +137,7 @@ class Plan:
                 else:
                     row = self.basis.spectra[:, i] * (own / traced)
                     matrix[i, b * n_basis : (b + 1) * n_basis] = row
-        return matrix
+        return matrix * transmittance_or_one(self.media, self.wavelengths_nm)[:, None]
 
     @property
     def has_light(self) -> bool:
@@ -140,7 +154,7 @@ def plan(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
@@ -148,6 +162,9 @@ def plan(
     expected_error: float = 0.01,
     device: str | None = None,
     pipeline: Literal["auto", "paths"] = "auto",
+    media: OcularMedia | None = None,
+    diffraction: DiffractionChoice = "none",
+    scatter: ScatterModel | None = None,
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -182,14 +199,14 @@ def plan(
         check_spectra(scene, wavelengths)
     chosen_device = find_device(device)
     notes: list[Decision] = []
+    _decide_media(media, wavelengths, notes)
+    bends = decide_bends(eye, grid, wavelengths, diffraction, scatter, notes)
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
-    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, notes)
+    choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, bends, notes)
     if not is_direct:
         choice = split_bands(choice, wavelengths, WAVELENGTHS_AT_ONCE)
-    pupils = tuple(
-        exit_pupil_bound(eye, band.wavelength_nm, grid.field_map, grid.limit_deg)
-        for band in choice.bands
-    )
+    waves = [band.wavelength_nm for band in choice.bands]
+    pupils = pupil_bounds(eye, waves, grid.field_map, grid.rectangle, grid.limit_deg)
     if is_direct:
         shown = [_uploaded_image(scene, i, grid, notes) for i in range(len(scene.objects))]
         images: tuple[Image | None, ...] | dict[str, Image] = tuple(shown)
@@ -203,8 +220,8 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, notes),
-            **_decide_shapes(scene, notes),
+            **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
+            **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
     else:
@@ -213,7 +230,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
-            **_decide_eye(eye, pupils, notes),
+            **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
@@ -230,7 +247,22 @@ def plan(
         tuple(notes),
         tile,
         chosen_device,
+        media,
+        bends,
     )
+
+
+def _decide_media(
+    media: OcularMedia | None, wavelengths_nm: np.ndarray, notes: list[Decision]
+) -> None:
+    if media is None:
+        return
+    share = transmittance_or_one(media, wavelengths_nm)
+    reason = (
+        f"{media.age_years:g} years; {100 * share.min():.3g} to {100 * share.max():.3g} % of the "
+        "light comes through"
+    )
+    notes.append(Decision("ocular media", media.model, reason))
 
 
 def _decide_precision(
@@ -250,7 +282,7 @@ def _decide_precision(
         reason = f"single would displace the surface of {huge[0]!r} by 1e-4 of its distance"
         notes.append(Decision("precision", "double", reason))
         return "double"
-    pixel_um = 1000.0 * min(grid.pitch_deg) * float(grid.field_map.mm_per_deg(0.0))
+    pixel_um = 1000.0 * min(grid.pitch_deg) * grid.field_map.axial_scale_mm_per_deg()
     reason = f"rounding moves rays by 0.005 um at most, a pixel is {pixel_um:.3g} um wide"
     notes.append(Decision("precision", "single", reason))
     return "single"
@@ -270,9 +302,13 @@ def _decide_bands(
     wavelengths_nm: np.ndarray,
     bands: int | Literal["auto"],
     expected_error: float,
+    bends: Bends,
     notes: list[Decision],
 ) -> BandChoice:
-    choice = choose_bands(eye, grid, wavelengths_nm, bands, expected_error)
+    has_diffraction = bends.diffraction is not None
+    choice = choose_bands(
+        eye, grid, wavelengths_nm, bands, expected_error, has_diffraction=has_diffraction
+    )
     count = len(choice.bands)
     if len(wavelengths_nm) == 1:
         reason = "the image has one wavelength"
@@ -324,27 +360,38 @@ def _decide_basis(basis: SpectralBasis, notes: list[Decision]) -> int:
 
 
 def _decide_eye(
-    eye: Eye, pupils: tuple[ExitPupilBound, ...], notes: list[Decision]
-) -> dict[str, bool]:
-    conic = [s.name for s in eye.surfaces if s.conic != 0 and s.curvature != 0]
+    eye: Eye,
+    pupils: tuple[ExitPupilBound | PlanePupilBound, ...],
+    bends: Bends,
+    wavelength_nm: float,
+    precision: Precision,
+    notes: list[Decision],
+) -> dict[str, Any]:
     fill = min(p.fill for p in pupils)
     notes.append(
         Decision("pupil sampling", "exit pupil", f"{100 * fill:.3g} % of the rays pass the stop")
     )
-    return {
-        "has_conics": left_out(
-            notes,
-            "conic surfaces",
-            bool(conic),
-            ", ".join(conic),
-            "every refracting surface is a sphere or a plane",
-        ),
+    return decide_eye_features(eye, wavelength_nm, precision, notes) | {
         "has_aspheric_retina": left_out(
             notes,
             "aspheric retina",
             eye.retina.conic != 0,
             "the retina is not a sphere",
             "the retina is a sphere",
+        ),
+        "has_asymmetry": left_out(
+            notes,
+            "two field angles",
+            not eye.is_rotational,
+            ", ".join(eye.asymmetries()),
+            "the eye is a figure of revolution: one field angle tells all",
+        ),
+        "has_relief": left_out(
+            notes,
+            "relief of the retina",
+            relief(eye.retina) is not None,
+            "a height map lies on the retina",
+            "the retina is smooth",
         ),
         "has_far_side": left_out(
             notes,
@@ -356,10 +403,11 @@ def _decide_eye(
         "has_semi_diameters": left_out(
             notes,
             "clipping at surfaces",
-            any(p.clipped_elsewhere for p in pupils),
+            bends.diffraction is not None or any(p.clipped_elsewhere for p in pupils),
             "rays that pass the stop may miss or leave a surface",
             "every ray that passes the stop passes all surfaces",
         ),
+        **bends.features,
     }
 
 

@@ -11,6 +11,9 @@ import numpy as np
 from isetcl.device.layout import Precision
 from isetcl.errors import check_count, check_type
 from isetcl.eye.model import Eye
+from isetcl.eye.ocular_media import OcularMedia
+from isetcl.eye.ray_bending import DiffractionChoice
+from isetcl.eye.scatter import ScatterModel
 from isetcl.render.device_scene import DeviceScene
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.film import Film
@@ -21,6 +24,7 @@ from isetcl.render.paths import PathPipeline
 from isetcl.render.pinhole import look_at
 from isetcl.render.plan import DEFAULT_BOUNCES, check_memory, plan
 from isetcl.render.progress import Progress, ProgressCallback, display
+from isetcl.retina.grid import Centre
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
 
@@ -31,7 +35,7 @@ def render(
     *,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
-    centre_deg: tuple[float, float] = (0.0, 0.0),
+    centre_deg: Centre = (0.0, 0.0),
     spp: int | None = None,
     time_budget_s: float | None = None,
     target_error: float | None = None,
@@ -40,6 +44,9 @@ def render(
     precision: Precision | Literal["auto"] = "auto",
     max_bounces: int = DEFAULT_BOUNCES,
     layers: bool = False,
+    media: OcularMedia | None = None,
+    diffraction: DiffractionChoice = "none",
+    scatter: ScatterModel | None = None,
     seed: int = 0,
     device: str | None = None,
     progress: bool | ProgressCallback | None = None,
@@ -58,7 +65,7 @@ def render(
     resolution
         Pixels: a number for a square, or (columns, rows).
     centre_deg
-        Field angles (x, y) of the middle of the image.
+        Field angles (x, y) of the middle of the image, or "fovea" for those of `eye.fovea_deg`.
     spp
         Samples a pixel and band, at least 2. Default 256 if neither of the next two is given.
     time_budget_s
@@ -80,6 +87,14 @@ def render(
         Add what the pixels' chief rays meet as layers of the result: ``distance_m``, ``object``,
         ``material``, ``position_m``, ``normal`` and ``albedo`` (see `PinholeView`), beside
         ``vergence_dpt``, which every image has.
+    media
+        Ocular media whose transmittance multiplies the spectrum; None is clear media.
+    diffraction
+        Bends of rays at the stop: ``"none"``; ``"airy"``, drawn from the stop's exact pattern;
+        ``"hurb"`` (`Hurb`'s defaults), ``"iset3d"`` (the paper's values) or a `Hurb`; or
+        ``"auto"``, the exact pattern where it changes the MTF of eye and pixels by more than 0.02.
+    scatter
+        Light that is scattered inside the eye; None leaves it out.
     seed
         Images of different seeds are independent.
     device
@@ -116,6 +131,9 @@ def render(
         max_bounces=max_bounces,
         expected_error=goal.expected_error(),
         device=device,
+        media=media,
+        diffraction=diffraction,
+        scatter=scatter,
     )
     check_memory(prepared)
     is_direct = isinstance(prepared.config, KernelConfig)

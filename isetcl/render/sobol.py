@@ -6,12 +6,20 @@ import functools
 
 import numpy as np
 
-DIMENSIONS = 4
-"""Exit pupil (2), pixel (2)."""
+DIMENSIONS = 8
+"""Exit pupil (2), pixel (2), diffraction (2), scatter (2)."""
 
 # Degree, coefficients and first direction integers of the primitive polynomials of dimensions 2
-# to 4. Source: Joe & Kuo 2008, SIAM J Sci Comput 30:2635, file new-joe-kuo-6.
-_JOE_KUO = ((1, 0, (1,)), (2, 1, (1, 3)), (3, 1, (1, 3, 1)))
+# to 8. Source: Joe & Kuo 2008, SIAM J Sci Comput 30:2635, file new-joe-kuo-6.
+_JOE_KUO = (
+    (1, 0, (1,)),
+    (2, 1, (1, 3)),
+    (3, 1, (1, 3, 1)),
+    (3, 2, (1, 1, 1)),
+    (4, 1, (1, 1, 3, 3)),
+    (4, 4, (1, 3, 5, 13)),
+    (5, 2, (1, 1, 5, 5, 17)),
+)
 _BITS = 32
 _GOLDEN_WORD = 0x9E3779B9
 

@@ -14,9 +14,11 @@ import numpy as np
 
 from isetcl.errors import check_count
 from isetcl.eye import paraxial
+from isetcl.eye.field import field_map
+from isetcl.eye.field_plane import FieldPlane, field_plane
 from isetcl.eye.model import Eye
 from isetcl.retina.grid import RetinalGrid
-from isetcl.units import ARCMIN_PER_DEG, MM_PER_M
+from isetcl.units import ARCMIN_PER_DEG, MM_PER_M, NM_PER_M
 
 AUTO_LIMIT = 16
 """Most bands that "auto" chooses for the sake of pixels; the paper found 8 to 16 sufficient."""
@@ -59,6 +61,8 @@ def choose_bands(
     wavelengths_nm: np.ndarray,
     bands: int | Literal["auto"],
     expected_error: float = 0.01,
+    *,
+    has_diffraction: bool = False,
 ) -> BandChoice:
     """Contiguous bands over a wavelength grid.
 
@@ -74,6 +78,8 @@ def choose_bands(
         the eye is achromatic.
     expected_error
         Photopic relative error that the image will have from its samples.
+    has_diffraction
+        Count the growth of the diffraction pattern (lambda / D) with wavelength as displacement.
 
     Raises
     ------
@@ -82,6 +88,10 @@ def choose_bands(
     """
     count = len(wavelengths_nm)
     position = _chromatic_position(eye, grid, wavelengths_nm)
+    if has_diffraction:
+        # Both change monotonically; counted as if they added.
+        growth = _diffraction_position(eye, grid, wavelengths_nm)
+        position = position + (growth if position[-1] >= position[0] else -growth)
     cost = _interval_costs(wavelengths_nm, position)
     is_achromatic = bool(np.ptp(position) <= _ACHROMATIC_PIXELS)
     if not isinstance(bands, str) or bands != "auto":
@@ -125,17 +135,32 @@ def _chromatic_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray)
     pixel_rad = np.radians(min(grid.pitch_deg))
     radius_m = eye.entrance_pupil(grid.wavelength_nm).radius_mm / MM_PER_M
     vergence = np.array([paraxial.object_vergence_dpt(eye, w) for w in wavelengths_nm])
-    arc = float(grid.field_map.arc_mm(grid.limit_deg))
-    lateral = []
-    for wavelength in (wavelengths_nm[0], wavelengths_nm[-1]):
-        chief = eye.field_map(float(wavelength))
-        reach = float(chief.arc_mm(chief.max_field_deg))
-        lateral.append(float(chief.field_deg(min(arc, reach))))
-    transverse_rad = np.radians(abs(lateral[1] - lateral[0]))
+    transverse_rad = np.radians(_lateral_deg(eye, grid, wavelengths_nm[[0, -1]]))
     longitudinal = radius_m * (vergence - vergence[0])
     span = np.ptp(longitudinal)
     share = longitudinal / span if span > 0 else np.zeros(len(wavelengths_nm))
     return (longitudinal + share * transverse_rad) / pixel_rad
+
+
+def _diffraction_position(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray) -> np.ndarray:
+    """Radius lambda / D of the diffraction pattern of each wavelength, in pixels."""
+    diameter_m = 2.0 * eye.entrance_pupil(grid.wavelength_nm).radius_mm / MM_PER_M
+    return np.asarray(wavelengths_nm / NM_PER_M / diameter_m / np.radians(min(grid.pitch_deg)))
+
+
+def _lateral_deg(eye: Eye, grid: RetinalGrid, ends_nm: np.ndarray) -> float:
+    """Angle between the directions that a retinal point sees at two wavelengths, at the worst."""
+    if isinstance(grid.field_map, FieldPlane):
+        point = grid.field_map.retinal_point_mm(*grid.rectangle.lattice(5).T)
+        seen = [field_plane(eye, float(w)).field_of_point_deg(point) for w in ends_nm]
+        return float(np.max(np.linalg.norm(seen[1] - seen[0], axis=1)))
+    arc = float(grid.field_map.arc_mm(grid.limit_deg))
+    lateral = []
+    for wavelength in ends_nm:
+        chief = field_map(eye, float(wavelength))
+        reach = float(chief.arc_mm(chief.max_field_deg))
+        lateral.append(float(chief.field_deg(min(arc, reach))))
+    return abs(lateral[1] - lateral[0])
 
 
 def _interval_costs(wavelengths_nm: np.ndarray, position: np.ndarray) -> np.ndarray:

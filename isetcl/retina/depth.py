@@ -24,8 +24,8 @@ def vergence_map(scene: Scene, grid: RetinalGrid) -> np.ndarray:
     for top in range(0, rows, block):
         x, y = np.meshgrid(grid.x_deg, grid.y_deg[top : top + block])
         directions = direction_from_field(x, y)
-        origin_z = grid.field_map.entrance_z_mm(np.hypot(x, y)) / MM_PER_M
-        origins = np.stack([np.zeros_like(x), np.zeros_like(x), origin_z], axis=-1)
+        origins = grid.field_map.entrance_mm(x, y) / MM_PER_M
+        origin_z = origins[..., 2]
         distance, _ = nearest_distance_m(scene, origins, directions)
         with np.errstate(invalid="ignore"):
             depth = -(origin_z + distance * directions[..., 2])

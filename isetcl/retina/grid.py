@@ -10,21 +10,30 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from isetcl.errors import (
     InvalidInputError,
+    check_choice,
     check_count,
     check_pair,
     check_positive,
     check_type,
 )
 from isetcl.eye.field import FieldMap, direction_from_field
+from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.plane_polynomial import PlanePolynomial, Rectangle
+from isetcl.eye.plane_polynomial import fit as plane_fit
 from isetcl.eye.polynomial import fit, unit_nodes
+from isetcl.eye.retina_form import retinal_normal, without_relief
 
 MAX_PIXELS_PER_SIDE = 32768
+
+Centre = tuple[float, float] | Literal["fovea"]
+"""The middle of an image: field angles (x, y) in degrees, or where the fovea of the eye looks."""
 
 _FIT_TOLERANCE_MM = 1e-9
 _FIT_NODES = 24
@@ -77,9 +86,9 @@ class RetinalGrid:
         eye: Eye,
         fov_deg: float | tuple[float, float],
         resolution: int | tuple[int, int],
-        centre_deg: tuple[float, float] = (0.0, 0.0),
+        centre_deg: Centre = (0.0, 0.0),
     ) -> RetinalGrid:
-        """A grid from the arguments of `render`: numbers mean squares.
+        """A grid from the arguments of `render`: numbers mean squares, "fovea" the eye's fovea.
 
         Raises
         ------
@@ -96,10 +105,13 @@ class RetinalGrid:
         else:
             width = check_positive("fov_deg", fov_deg, "deg")  # type: ignore[arg-type]
             size = (width, width * rows / columns)
+        if isinstance(centre_deg, str):
+            check_choice("centre_deg", centre_deg, ("fovea",))
+            centre_deg = eye.fovea_deg
         return cls(eye, size, (columns, rows), check_pair("centre_deg", centre_deg, "deg"))
 
     @property
-    def field_map(self) -> FieldMap:
+    def field_map(self) -> FieldMap | FieldPlane:
         """The chief-ray map that labels the pixels."""
         return self.eye.field_map(self.wavelength_nm)
 
@@ -140,6 +152,18 @@ class RetinalGrid:
         y = np.array([self.top_deg, self.top_deg - self.fov_deg[1]])
         return float(np.max(np.hypot(x[:, None], y[None, :])))
 
+    @property
+    def rectangle(self) -> Rectangle:
+        """The field angles of the image."""
+        return Rectangle(self.centre_deg, (self.fov_deg[0] / 2.0, self.fov_deg[1] / 2.0))
+
+    def eccentricity_deg(self) -> np.ndarray:
+        """Angles of the pixel centres from the direction that the fovea sees, (rows, columns)."""
+        fovea = direction_from_field(*(np.array(angle) for angle in self.eye.fovea_deg))
+        seen = self.directions()
+        across = np.linalg.norm(np.cross(seen, fovea), axis=-1)
+        return np.degrees(np.arctan2(across, seen @ fovea))
+
     def directions(self) -> np.ndarray:
         """Unit vectors towards the scene of the pixel centres, shape (rows, columns, 3)."""
         return direction_from_field(self.x_deg[None, :], self.y_deg[:, None])
@@ -149,13 +173,27 @@ class RetinalGrid:
 
         Polar about the retinal vertex, in the eye frame: the point that sees up lies at y < 0.
         """
-        x, y = np.meshgrid(self.x_deg, self.y_deg)
-        field = np.hypot(x, y)
-        scale = -self.field_map.arc_mm(field) / np.where(field > 0, field, 1.0)
-        return x * scale, y * scale
+        at = self.field_map.coordinates_mm(*np.meshgrid(self.x_deg, self.y_deg))
+        return at[..., 0], at[..., 1]
+
+    def plane_polynomial(self) -> PlanePolynomial:
+        """The retina of an eye that is no figure of revolution, as the kernels see it.
+
+        Six polynomials of the field angles: the point (x, y, z), mm, of the retina without relief,
+        and its unit normal, away from the lens.
+        """
+        labels = self.field_map
+        assert isinstance(labels, FieldPlane)
+        retina = without_relief(self.eye.retina)
+        at = self.rectangle.nodes()
+        point = labels.base_point_mm(at)
+        values = np.concatenate([point, retinal_normal(retina, point)], axis=1)
+        return plane_fit(self.rectangle, at, values, _FIT_TOLERANCE_MM)
 
     def polynomials(self) -> tuple[np.ndarray, np.ndarray]:
         """The retina as the kernels see it, in g = field vector / `limit_deg` and s = g . g.
+
+        Of an eye that is a figure of revolution.
 
         Returns
         -------

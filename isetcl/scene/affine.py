@@ -8,6 +8,7 @@ import math
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_choice, check_finite
+from isetcl.eye.turning import cross_matrix
 from isetcl.scene.light import DistantLight, Environment, Light, PointLight, SpotLight
 from isetcl.scene.mesh import Instance, Mesh, check_affine
 from isetcl.scene.model import Disc, Quad, Shape, Sphere, Vector
@@ -83,18 +84,8 @@ def rotation(axis: str | Vector, angle_deg: float) -> np.ndarray:
         unit = direction("axis", axis)
     angle = math.radians(check_finite("angle_deg", angle_deg, "deg"))
     # Rodrigues' formula, with the matrix of the cross product.
-    k = _cross_matrix(unit)
+    k = cross_matrix(unit)
     return np.eye(3) + math.sin(angle) * k + (1.0 - math.cos(angle)) * (k @ k)
-
-
-def shortest_rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """Matrix (3, 3) of the smallest turn from one unit vector to another, less than half a turn."""
-    k = _cross_matrix(np.cross(start, end))
-    return np.eye(3) + k + (k @ k) / (1.0 + float(start @ end))
-
-
-def _cross_matrix(v: np.ndarray) -> np.ndarray:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
 
 
 def check_map(matrix: np.ndarray) -> np.ndarray:

@@ -7,27 +7,23 @@ law they do so without twist: the turn from straight ahead to any direction is t
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_between, check_pair
+from isetcl.errors import InvalidInputError, check_between
+from isetcl.eye.field import direction_from_field
+from isetcl.eye.model import Eye
+from isetcl.eye.turning import AHEAD, ROTATION_CENTRE_MM, gaze_direction, shortest_rotation
 from isetcl.scene.affine import (
     direction,
     moved_background,
     moved_light,
-    shortest_rotation,
     vector,
 )
 from isetcl.scene.edit import moved_object
 from isetcl.scene.model import Scene, Vector
 
-ROTATION_CENTRE_MM = 13.5
-"""Distance of an eye's centre of rotation behind the corneal vertex, mm: one number between those
-of Fry & Hill for turns to the side (14.7 mm: 1962, Am. J. Optom. 39, 581) and up or down (12.0 mm:
-1963, Am. J. Optom. 40, 707); the value customary in the design of spectacles."""
-
-_AHEAD = np.array([0.0, 0.0, -1.0])
+__all__ = ["ROTATION_CENTRE_MM", "binocular", "fixating", "seen_from", "turned"]
 
 
 def seen_from(
@@ -69,7 +65,7 @@ def seen_from(
         if not np.linalg.norm(forward) > 0:
             raise InvalidInputError(f"look_at_m must differ from eye_at_m, got both {look_at_m!r}")
     else:
-        forward = _AHEAD if gaze_deg is None else _gaze(gaze_deg)
+        forward = AHEAD if gaze_deg is None else gaze_direction(gaze_deg)
     forward = forward / np.linalg.norm(forward)
     right = np.cross(forward, direction("up", up))
     if not np.linalg.norm(right) > 1e-9:
@@ -78,17 +74,64 @@ def seen_from(
     return _in_eye_frame(scene, np.array([right, np.cross(right, forward), -forward]), eye)
 
 
-def _gaze(gaze_deg: tuple[float, float]) -> np.ndarray:
-    """Direction of a longitude to the right and a latitude upwards, both from -z."""
-    longitude, latitude = (math.radians(angle) for angle in check_pair("gaze_deg", gaze_deg, "deg"))
-    check_between("gaze_deg (second)", math.degrees(latitude), -89.999, 89.999, "deg")
-    return np.array(
-        [
-            math.cos(latitude) * math.sin(longitude),
-            math.sin(latitude),
-            -math.cos(latitude) * math.cos(longitude),
-        ]
-    )
+def turned(
+    scene: Scene, gaze_deg: tuple[float, float], *, rotation_centre_mm: float | None = None
+) -> Scene:
+    """The scene as it lies before an eye that has turned in its socket, without twist.
+
+    Parameters
+    ----------
+    scene
+        The scene before the eye looks aside: with the corneal vertex at the origin, along -z.
+    gaze_deg
+        Where its axis points then: to the right (longitude) and up (latitude).
+    rotation_centre_mm
+        Distance of the centre of rotation behind the corneal vertex; None is
+        `ROTATION_CENTRE_MM`.
+    """
+    return _turned(scene, shortest_rotation(AHEAD, gaze_direction(gaze_deg)), rotation_centre_mm)
+
+
+def fixating(
+    scene: Scene, eye: Eye, point_m: Vector, *, rotation_centre_mm: float | None = None
+) -> Scene:
+    """The scene as it lies before an eye that has turned until its fovea sees a point.
+
+    The line from the entrance pupil to the point then has the field angles `eye.fovea_deg`. The
+    turn is the shortest one from the direction that the fovea saw before.
+
+    Raises
+    ------
+    InvalidInputError
+        If the point lies nearer than the cornea, or not in front of the eye.
+    """
+    point = vector("point_m", point_m)
+    if not point[2] < -1e-3:
+        raise InvalidInputError(
+            f"point_m must lie more than 1 mm in front of the cornea (z < -0.001 m), got {point}"
+        )
+    centre = np.array([0.0, 0.0, _behind_mm(rotation_centre_mm) * 1e-3])
+    pupil = np.array([0.0, 0.0, eye.entrance_pupil().z_mm * 1e-3])
+    seen = direction_from_field(*(np.array(angle) for angle in eye.fovea_deg))
+    turn = np.eye(3)
+    for _ in range(_FIXATION_STEPS):
+        # The pupil moves with the eye, and the direction from it to the point a little with it.
+        towards = point - (centre + turn @ (pupil - centre))
+        turn = shortest_rotation(seen, towards / np.linalg.norm(towards))
+    return _turned(scene, turn, rotation_centre_mm)
+
+
+_FIXATION_STEPS = 20
+
+
+def _turned(scene: Scene, turn: np.ndarray, rotation_centre_mm: float | None) -> Scene:
+    centre = np.array([0.0, 0.0, _behind_mm(rotation_centre_mm) * 1e-3])
+    return _in_eye_frame(scene, turn.T, centre - turn @ centre)
+
+
+def _behind_mm(rotation_centre_mm: float | None) -> float:
+    depth = ROTATION_CENTRE_MM if rotation_centre_mm is None else rotation_centre_mm
+    return check_between("rotation_centre_mm", depth, 0.0, 30.0, "mm")
 
 
 def binocular(
@@ -128,13 +171,12 @@ def binocular(
         If a distance breaks its rule, or the point does not lie in front of the eyes.
     """
     half = check_between("interpupillary_distance_mm", interpupillary_distance_mm, 1, 1000, "mm")
-    depth = ROTATION_CENTRE_MM if rotation_centre_mm is None else rotation_centre_mm
-    behind = check_between("rotation_centre_mm", depth, 0.0, 30.0, "mm") * 1e-3
+    behind = _behind_mm(rotation_centre_mm) * 1e-3
     point = None if verge_on_m is None else vector("verge_on_m", verge_on_m)
     views = []
     for side, name in ((-0.5, "left eye"), (0.5, "right eye")):
         centre = np.array([side * half * 1e-3, 0.0, behind])
-        gaze = _AHEAD
+        gaze = AHEAD
         if point is not None:
             gaze = point - centre
             if not (point[2] < 0 and np.linalg.norm(gaze) > behind):
@@ -142,7 +184,7 @@ def binocular(
                     f"verge_on_m must lie in front of the eyes (z < 0), got {tuple(point.tolist())}"
                 )
             gaze = gaze / np.linalg.norm(gaze)
-        turn = shortest_rotation(_AHEAD, gaze)
+        turn = shortest_rotation(AHEAD, gaze)
         view = _in_eye_frame(scene, turn.T, centre + behind * gaze)
         views.append(dataclasses.replace(view, name=f"{scene.name}, {name}"))
     return views[0], views[1]

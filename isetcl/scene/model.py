@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.specular import Level, check_level, level_digest
 from isetcl.scene.texture import Checkerboard, Image
 from isetcl.spectrum import Spectrum
+
+if TYPE_CHECKING:
+    from isetcl.eye.model import Eye
 
 Vector = Sequence[float] | np.ndarray
 
@@ -338,6 +342,22 @@ class Scene:
         from isetcl.scene import gaze
 
         return gaze.seen_from(self, eye_at_m, look_at_m, gaze_deg=gaze_deg, up=up)
+
+    def turned(
+        self, gaze_deg: tuple[float, float], *, rotation_centre_mm: float | None = None
+    ) -> Scene:
+        """The scene as it lies before an eye that has turned in its socket: `gaze.turned`."""
+        from isetcl.scene import gaze
+
+        return gaze.turned(self, gaze_deg, rotation_centre_mm=rotation_centre_mm)
+
+    def fixating(
+        self, eye: Eye, point_m: Vector, *, rotation_centre_mm: float | None = None
+    ) -> Scene:
+        """The scene as it lies before an eye whose fovea sees a point: `gaze.fixating`."""
+        from isetcl.scene import gaze
+
+        return gaze.fixating(self, eye, point_m, rotation_centre_mm=rotation_centre_mm)
 
     def binocular(
         self,

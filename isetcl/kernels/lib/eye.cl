@@ -1,32 +1,45 @@
 /* eye.cl - rays from the retina out of the eye.
  */
+#include "lib/bend.cl"
+#include "lib/crossing.cl"
+#include "lib/gradient.cl"
 #include "lib/refraction.cl"
 
 /* leave_eye - rays from the vitreous through the eye into the air.
  *
- * ray   origin and direction, z from the corneal vertex before and after
+ * ray         origin and direction, z from the corneal vertex before and after
+ * eye_table   numbers of the shapes of all elements, and of what bends rays
+ * bends       random numbers of what bends them (HAS_DIFFRACTION, HAS_SCATTER)
  *
  * Returns the rays that pass the stop and every surface.
  */
-INLINE maskv leave_eye(rayv *ray, constant element_t *elements, int n_elements) {
+INLINE maskv leave_eye(rayv *ray, constant element_t *elements, int n_elements,
+                       global const real *eye_table, const bendsv *bends) {
   real vertex_z = 0;
+#if HAS_SCATTER
+  int bend = 0;
+#endif
   maskv passed = ray->x == ray->x;
   for (int i = 0; i < n_elements; ++i) {
     constant element_t *element = elements + i;
     ray->z += vertex_z - element->vertex_z;
     vertex_z = element->vertex_z;
-    realv q, path;
-    if (element->kind == ELEMENT_STOP) {
-      plane_cross(ray, &path);
-      passed = passed & (mul_add(ray->x, ray->x, ray->y * ray->y) <= element->aperture2);
-    } else {
-      conic_intersect(ray, element, -1, HAS_FAR_SIDE, &q, &path);
-#if HAS_SEMI_DIAMETERS
-      passed = passed & (mul_add(ray->x, ray->x, ray->y * ray->y) <= element->aperture2);
+    crossingv at;
+    arrive(ray, element, eye_table, -1, HAS_FAR_SIDE, &at);
+    if (HAS_SEMI_DIAMETERS || element->kind == ELEMENT_STOP)
+      passed = passed & is_inside(&at, element);
+#if HAS_DIFFRACTION
+    if (element->kind == ELEMENT_STOP)
+      passed = passed & diffract(ray, eye_table + element->bend, &bends->diffraction, -1);
 #endif
-      refract(ray, element, -1, q);
-    }
+#if HAS_SCATTER
+    if (element->kind == ELEMENT_STOP) bend = element->bend;
+#endif
+    if (element->kind == ELEMENT_REFRACT) refract(ray, element, eye_table, -1, &at);
   }
   ray->z += vertex_z;
+#if HAS_SCATTER
+  scatter(ray, eye_table + bend, &bends->scatter);
+#endif
   return passed & is_number(ray->x + ray->tx);
 }
