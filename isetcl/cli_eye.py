@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
-import importlib
 import io
 import json
 import math
@@ -18,14 +16,11 @@ import numpy as np
 import typer
 
 from isetcl import cli_scene
-from isetcl.errors import FileError, InvalidInputError, check_positive
+from isetcl.errors import InvalidInputError, check_positive
 
 if TYPE_CHECKING:
     from isetcl.eye.model import Eye
     from isetcl.eye.mtf_table import MtfTable
-
-EYE_FILES = (".json", ".zmx", ".dat")
-"""Suffixes of files that hold an eye."""
 
 _EYE_HELP = "A model eye by its name, such as navarro, or a file: .json, .zmx or .dat."
 _PUPIL_HELP = "Diameter of the stop (iris), mm (default: 4, or that of the file)."
@@ -125,6 +120,7 @@ def _model(
 ) -> tuple[Eye, float]:
     """The eye of a name or a file, accommodated, and the distance of its object in metres."""
     from isetcl.eye import catalog
+    from isetcl.eye.files.load import SUFFIXES, load_eye
 
     focus = cli_scene.vergence(accommodation)
     if focus == "centre":
@@ -133,8 +129,8 @@ def _model(
         )
     wanted = None if isinstance(focus, str) else focus
     path = Path(name)
-    if path.suffix.lower() in EYE_FILES:
-        model = _eye_of_file(path, pupil)
+    if path.suffix.lower() in SUFFIXES:
+        model = load_eye(path, pupil_diameter_mm=pupil)
         if wanted is not None:
             model = model.focus_at(1.0 / wanted if wanted else math.inf)
     else:
@@ -143,16 +139,6 @@ def _model(
         away = math.inf if math.isinf(distance) else check_positive("--distance", distance, "m")
         return model, away
     return model, 1.0 / wanted if wanted is not None and wanted > 0 else math.inf
-
-
-def _eye_of_file(path: Path, pupil: float | None) -> Eye:
-    if not path.exists():
-        raise FileError(f"eye file {str(path)!r} does not exist")
-    model: Eye = importlib.import_module("isetcl").load_eye(path)
-    if pupil is None:
-        return model
-    stop = dataclasses.replace(model.stop, diameter_mm=check_positive("--pupil", pupil, "mm"))
-    return dataclasses.replace(model, stop=stop)
 
 
 def _numbers(option: str, text: str, example: str) -> tuple[float, ...]:
