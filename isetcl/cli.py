@@ -1,4 +1,4 @@
-"""The command line: `isetcl compare`, `isetcl render`, `isetcl devices`, `isetcl info`."""
+"""The command line: `isetcl compare`, `render`, `eye`, `mtf`, `devices`, `info`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from isetcl.cli_eye import eye as eye_command
+from isetcl.cli_eye import mtf
 from isetcl.cli_render import INTERRUPTED, render
 from isetcl.errors import InvalidInputError, IsetclError
 
@@ -111,6 +113,8 @@ def compare(
 
 
 app.command()(render)
+app.command()(eye_command)
+app.command()(mtf)
 
 
 @app.command()
