@@ -8,7 +8,7 @@ the difference of that direction and the object's is its offset, in degrees of v
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,7 +96,7 @@ def pupil_offsets(
     field = check_pair("field_deg", field_deg, "deg")
     unit = _cells(samples, rays_per_sample)
     tracer = _Tracer(eye, wavelength_nm, field)
-    radius_mm = _boundary_mm(tracer, (float(verges.min()), float(verges.max())))
+    radius_mm = _boundary_mm(tracer, {float(verges.min()), float(verges.max())})
     turn = np.arctan2(unit[..., 1], unit[..., 0]).ravel()
     reach = np.interp(turn, _LATTICE, radius_mm, period=2.0 * math.pi)
     points = unit.reshape(-1, 2) * reach[:, None]
@@ -184,7 +184,7 @@ class _Tracer:
         return rays, directions[:, 2] ** 3 * rays.passed
 
 
-def _boundary_mm(tracer: _Tracer, vergences_dpt: Sequence[float]) -> np.ndarray:
+def _boundary_mm(tracer: _Tracer, vergences_dpt: Collection[float]) -> np.ndarray:
     """How far from its centre the pupil reaches in every direction, by bisection, mm."""
     towards = np.stack([np.cos(_LATTICE), np.sin(_LATTICE)], axis=1)
     low, high = np.zeros(_DIRECTIONS), np.full(_DIRECTIONS, tracer.largest_mm)

@@ -25,9 +25,9 @@ def pupil_clipped(blur: Blur, n_layers: int) -> np.ndarray:
     its diffraction if it has any; only differences from the mean visibility use the rays of the
     cells. Class: opaque, occlusion-aware PSFs (as in Dr.Bokeh, 2024, in one plane). Exact for
     planar occluders at small angles as cells shrink; with finite cells what is left is the
-    covariance of two layers within a cell, beyond the blur of the edge, which is matched. Known failure: cost grows with cells times occluders; curved and
-    slanted occluders are as good as their layers. An even scene stays even; hidden light is lost,
-    as it should be.
+    covariance of two layers within a cell, beyond the blur of the edge, which is matched. Known
+    failure: cost grows with cells times occluders; curved and slanted occluders are as good as
+    their layers. An even scene stays even; hidden light is lost, as it should be.
 
     Parameters
     ----------
