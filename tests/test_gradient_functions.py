@@ -87,7 +87,7 @@ def profiles(probe):
 def test_profiles_and_their_slopes(probe, precision):
     xyz = points(probe)
     for profile in profiles(probe):
-        got = probe("probe_half_gradient", xyz.T, 4, first=(numbers(profile, probe),))
+        got = probe("probe_index_force", xyz.T, 4, first=(numbers(profile, probe),))
         squared, slope = profile.squared_and_half_gradient(*xyz.T)
         assert np.max(np.abs(got[0] - squared)) < 16 * EPSILON[precision]
         assert np.max(np.abs(got[1:].T - slope)) < 16 * EPSILON[precision]

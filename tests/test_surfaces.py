@@ -22,7 +22,11 @@ from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
 
-EVERYTHING = EyeFeatures(**{f.name: True for f in dataclasses.fields(EyeFeatures)})
+FORMS = (
+    *("has_placements", "has_placed_stop", "has_quadrics", "has_biconics", "has_torics"),
+    *("has_even_aspheres", "has_zernike_sags", "has_height_maps"),
+)
+EVERYTHING = EyeFeatures(**dict.fromkeys(FORMS, True))
 REAL = {"single": np.float32, "double": np.float64}
 # Largest error, mm: 2e-3 um in single precision, 1e-11 um in double.
 TOLERANCE = {"single": 2e-6, "double": 1e-14}

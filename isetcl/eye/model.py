@@ -144,10 +144,7 @@ class Eye(EyeVariants):
                 f"{last.vertex_z_mm:g} mm, stop at {self.stop.z_mm:g} mm"
             )
         for surface in self.surfaces[: self.stop_index]:
-            edge = min(self.stop.radius_mm, surface.semi_diameter_mm)
-            turn = np.linspace(0.0, 2.0 * np.pi, 17)
-            sag = surface.sag_mm(edge * np.cos(turn), edge * np.sin(turn))
-            if surface.vertex_z_mm + float(np.max(sag)) > self.stop.z_mm:
+            if _rearmost_mm(surface, self.stop) > self.stop.z_mm:
                 raise InvalidInputError(
                     f"eye {self.name!r}: the stop (radius {self.stop.radius_mm:g} mm, at "
                     f"{self.stop.z_mm:g} mm) cuts surface {surface.name!r}; make the stop smaller "
@@ -423,3 +420,17 @@ def smallest_gap_mm(front: Surface, back: Surface, rho_mm: np.ndarray) -> np.nda
     x, y = rho_mm[:, None] * np.cos(turn), rho_mm[:, None] * np.sin(turn)
     gap = heights_mm(back, x, y) - heights_mm(front, x, y)
     return np.asarray(np.min(np.where(np.isfinite(gap), gap, np.inf), axis=1))
+
+
+def _rearmost_mm(surface: Surface, stop: Stop) -> float:
+    """Largest z of a surface within the rim of the stop, as far as it reaches, mm."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 33)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    if surface.is_rotational and stop.is_rotational:
+        edge = min(stop.radius_mm, surface.semi_diameter_mm)
+        return surface.vertex_z_mm + float(np.max(surface.sag_mm(*(edge * circle.T))))
+    from isetcl.eye.sequential import heights_mm
+
+    points = stop.rim_mm(np.linspace(0.0, 1.0, 9)[:, None, None] * circle)
+    z = heights_mm(surface, points[..., 0], points[..., 1])
+    return float(np.max(z[np.isfinite(z)], initial=-math.inf))

@@ -12,11 +12,11 @@ kernel void probe_power(global const real *x, const int n, global real *out, con
   store_lanes(whole_power(v, whole_p), out + 3 * n, g);
 }
 
-kernel void probe_half_gradient(global const real *profile, global const real *x, const int n,
+kernel void probe_index_force(global const real *profile, global const real *x, const int n,
                                 global real *out) {
   const size_t g = get_global_id(0);
   realv fx, fy, fz;
-  realv n2 = half_gradient(profile, load_lanes(x, g), load_lanes(x + n, g),
+  realv n2 = index_force(profile, load_lanes(x, g), load_lanes(x + n, g),
                            load_lanes(x + 2 * n, g), &fx, &fy, &fz);
   store_lanes(n2, out, g);
   store_lanes(fx, out + n, g);
