@@ -212,6 +212,11 @@ def test_a_zemax_eye_can_be_changed_and_given_another_pupil(tmp_path):
     assert ic.load_eye(file, media={"Lens Front": lens}).surfaces[2].medium_after == lens
 
 
+def test_an_absurd_automatic_semi_diameter_is_cut_to_what_exists(tmp_path):
+    file = written(tmp_path, NAVARRO.replace("DIAM 1.2 0", "DIAM 1e9 0"))
+    assert 5.0 < ic.load_eye(file).surfaces[1].semi_diameter_mm < 6.5
+
+
 def test_lengths_in_centimetres_become_millimetres(tmp_path):
     eye = ic.load_eye(written(tmp_path, TILTED))
     assert [s.vertex_z_mm for s in eye.surfaces[:2]] == pytest.approx([0.0, 0.5])
