@@ -194,16 +194,7 @@ def test_a_veil_is_the_glare_function():
     error = image.standard_error.values[0] / whole
     grid = ic.RetinalGrid.of(eye, 40.0, 40)
     pointing = grid.directions()
-    polar, turn = np.meshgrid((np.arange(12) + 0.5) / 12, np.arange(24) * np.pi / 12)
-    angle = np.radians(radius_deg) * np.sqrt(polar.ravel())
-    source = np.stack(
-        [
-            np.sin(angle) * np.cos(turn.ravel()),
-            np.sin(angle) * np.sin(turn.ravel()),
-            -np.cos(angle),
-        ]
-    )
-    solid = 2 * np.pi * (1 - np.cos(np.radians(radius_deg)))
+    source, solid = points_of_disc(radius_deg, 12, 24)
     between = np.degrees(np.arccos(np.clip(pointing @ source, -1, 1)))
     expected = model.psf_per_sr(between).mean(axis=-1) * solid
     away = np.degrees(np.arccos(-pointing[..., 2]))
@@ -213,6 +204,21 @@ def test_a_veil_is_the_glare_function():
         total = expected[there].sum()
         assert spread < 0.06 * total
         assert abs(share[there].sum() - total) < 4 * spread + 0.005 * total, (low, high)
+    # In the middle of the disc also the light that is not scattered.
+    middle = away < 0.8
+    source, solid = points_of_disc(radius_deg, 120, 72)
+    between = np.degrees(np.arccos(np.clip(pointing[middle] @ source, -1, 1)))
+    within = model.psf_per_sr(between).mean() * solid
+    assert share[middle].mean() == pytest.approx(1.0 - model.fraction + within, abs=2e-3)
+
+
+def points_of_disc(radius_deg, rings, spokes):
+    """Directions (3, n) that share the solid angle of a disc on the axis evenly, and that angle."""
+    radius = np.radians(radius_deg) * np.sqrt((np.arange(rings) + 0.5) / rings)
+    angle, turn = (a.ravel() for a in np.meshgrid(radius, np.arange(spokes) * 2 * np.pi / spokes))
+    sine = np.sin(angle)
+    directions = np.stack([sine * np.cos(turn), sine * np.sin(turn), -np.cos(angle)])
+    return directions, 2 * np.pi * (1 - np.cos(np.radians(radius_deg)))
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array
+from isetcl.eye.blocked import blocked
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye
 from isetcl.eye.plane_polynomial import sampled
@@ -86,10 +87,7 @@ class FieldPlane:
         used = np.logical_and.accumulate(passed, axis=0)
         last = used.sum(axis=0) - 1
         if last.min() < 8:
-            raise InvalidInputError(
-                f"eye {self.eye.name!r}: chief rays at {self.wavelength_nm:g} nm do not cross the "
-                "eye; check the order, the places and the semi-diameters of its surfaces"
-            )
+            raise blocked(self.eye.name, self.wavelength_nm, onto, out)
         rim = field[last, np.arange(_FAN_SPOKES)]
         self.max_field_deg = _least_reach(rim)
         used[0, 1:] = False  # the middle of the fan once
