@@ -101,11 +101,12 @@ def leave(
     camera["tile_width"] = PIXELS
     indices = np.array([(sequence[-1].n_before, sequence[0].n_after)])
     pupils = pack.pack_pupils(prepared.pupils, indices, precision)
+    table = pack.pack_planes(prepared.grid, prepared.pupils, camera, pupils, packed)
     real = real_dtype(precision)
     flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
     upload = [
         cl.Buffer(device.context, flags, hostbuf=np.ascontiguousarray(a))
-        for a in (camera, pupils, packed.elements, packed.table)
+        for a in (camera, pupils, packed.elements, table)
     ]
     slots = PIXELS * samples
     out = [np.empty((k, slots), dtype=real) for k in (3, 3, 1)]

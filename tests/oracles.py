@@ -99,7 +99,7 @@ def sobol_integers(count, dimension):
     from scipy.stats import qmc
 
     number = np.arange(1 << int(np.ceil(np.log2(max(count, 1)))))
-    points = qmc.Sobol(4, scramble=False, bits=30).random(len(number))[:, dimension]
+    points = qmc.Sobol(8, scramble=False, bits=30).random(len(number))[:, dimension]
     # scipy lists the points in Gray-code order; put them into the order of their numbers.
     ordered = np.empty(len(number))
     ordered[number ^ (number >> 1)] = points

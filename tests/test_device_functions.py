@@ -109,7 +109,7 @@ def test_turns_are_those_of_atan2(probe, precision):
     assert np.max(np.abs(turn - np.arctan2(y, x) / (2 * np.pi))) < 2 * EPSILON[precision]
 
 
-@pytest.mark.parametrize("dimension", [0, 1, 2, 3])
+@pytest.mark.parametrize("dimension", range(8))
 def test_scrambled_points_are_those_of_the_numpy_version(probe, precision, dimension):
     streams = np.array([0, 1, 77, 123456], dtype=np.uint32)
     got = probe("probe_sobol", streams.astype(float), 64, np.int32(64), np.int32(dimension))

@@ -173,12 +173,12 @@ def test_a_logarithmic_psf_ends_at_its_decades(eye):
 
 def test_through_focus_is_best_at_the_best_focus(axes, eye):
     grid = np.linspace(-0.4, 0.8, 13)
-    eye.plot_through_focus(grid, "mtf", axes)
+    eye.plot_through_focus(grid, "rms", axes)
     curve, mark = axes.lines
     values, best = curve.get_ydata(), mark.get_xdata()[0]
-    assert best == pytest.approx(grid[np.argmax(values)], abs=0.1)
-    assert eye.through_focus([best], "mtf")[0] >= np.max(values)
-    assert axes.get_ylabel() == "MTF at 10 cycles/degree"
+    assert best == pytest.approx(grid[np.argmin(values)], abs=0.1)
+    assert eye.through_focus([best], "rms")[0] <= np.min(values)
+    assert axes.get_ylabel() == "RMS wavefront error (µm)"
 
 
 def test_through_focus_takes_the_samples_that_its_defocus_needs(eye):
@@ -225,8 +225,11 @@ def test_all_pictures_together_say_what_cannot_be_drawn(eye):
     assert "section" in overview.names()
     figure = Figure()
     assert overview.draw_or_say("lca", figure) is None
-    far = Overview(eye, (0.0, 170.0))
-    reason = far.draw_or_say("mtf", figure)
+    # One field angle of two is left out by name; without any there is only the reason.
+    assert Overview(eye, (0.0, 170.0)).draw_or_say("mtf", figure) is None
+    assert "left out: 170°" in figure.get_suptitle()
+    assert len(figure.axes[-1].lines) == 3
+    reason = Overview(eye, (170.0,)).draw_or_say("mtf", figure)
     assert "field angle must be at most" in reason
     assert "field angle" in figure.axes[0].texts[0].get_text()
     with pytest.raises(ic.InvalidInputError, match="unknown picture"):

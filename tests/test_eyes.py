@@ -174,3 +174,12 @@ def test_every_named_eye_has_its_name_a_pupil_and_a_documented_source(name):
 def test_bad_requests_are_refused_with_the_rule(make, match):
     with pytest.raises(ic.InvalidInputError, match=match):
         make()
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["gullstrand", "gullstrand_emsley", "thibos", "liou_brennan", "atchison", "ageing"],
+)
+def test_what_is_unverified_stands_in_the_docstring_as_a_warning(name):
+    text = getattr(ic.eyes, name).__doc__
+    assert "UNVERIFIED" in text.split("Warnings\n")[1].split("References")[0]

@@ -160,7 +160,7 @@ def test_what_is_evanescent_is_lost():
 
 def test_a_slanted_ray_sees_a_foreshortened_stop():
     # The pattern of a stop of width D seen at angle psi is that of D cos psi: wider in angle.
-    n, _index, psi = 100_000, 1.0, math.radians(50.0)
+    n, psi = 100_000, math.radians(50.0)
     slanted = np.tile([math.sin(psi), 0.0, -math.cos(psi)], (n, 1))
     bent = bend(Airy(), ic.Stop(0.0, 3.0), np.zeros((n, 2)), slanted, 550.0, *draws(n))
     angle = np.arctan2(bent[:, 0], -bent[:, 2]) - psi

@@ -7,18 +7,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isetcl.device.gradients import *
-from isetcl.device.gradients import is_placed
+from isetcl.device.eye_features import EyeFeatures, ShapeKind, shape_kind
+from isetcl.device.gradients import kernel_steps, landing_steps, profile_numbers
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
-from isetcl.eye.gradient import PolynomialGradient, ShellGradient
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.rays import RayStatus
 from isetcl.eye.sequential import Towards
+from isetcl.eye.shapes.biconic import Biconic
+from isetcl.eye.shapes.even_asphere import EvenAsphere
+from isetcl.eye.shapes.height_map import HeightMap
+from isetcl.eye.shapes.zernike_sag import ZernikeSag
 
 ELEMENT = Struct(
     "element_t",
     (
         Member("kind", "int"),
+        Member("shape", "int"),
+        Member("steps", "int"),
+        Member("table", "int"),
+        Member("columns", "int"),
+        Member("rows", "int"),
+        Member("is_placed", "int"),
+        Member("gradient_incident", "int"),
+        Member("gradient_transmitted", "int"),
+        Member("gradient_steps", "int"),
+        Member("gradient_landing", "int"),
         Member("vertex_z"),
         Member("curvature"),
         Member("kappa"),
@@ -33,18 +46,55 @@ ELEMENT = Struct(
         Member("renormalise"),
         Member("aperture2"),
         Member("bend", "int"),
-        Member("gradient_incident", "int"),
-        Member("gradient_transmitted", "int"),
-        Member("gradient_steps", "int"),
-        Member("gradient_landing", "int"),
+        Member("inverse_aspect"),
+        Member("curvature_x"),
+        Member("axial"),
+        Member("factor_x"),
+        Member("factor_y"),
+        Member("per_x"),
+        Member("per_y"),
+        Member("decentre_x"),
+        Member("decentre_y"),
+        Member("rotation", length=9),
     ),
 )
-"""Constants of an element for one direction of travel, prepared in float64."""
+"""Constants of an element for one direction of travel, prepared in float64.
+
+`curvature` is that of the y section. `table` is where the numbers of its shape begin in the table
+of the eye; `columns` and `rows` say how many there are, `per_x` and `per_y` how many a mm.
+`gradient_incident` and `gradient_transmitted` are where the profiles of the media begin there, -1
+for homogeneous ones.
+"""
+
+SEARCH_STEPS = {
+    "single": {
+        ShapeKind.QUADRIC: 0,
+        ShapeKind.BICONIC: 4,
+        ShapeKind.TORIC: 4,
+        ShapeKind.EVEN_ASPHERE: 5,
+        ShapeKind.ZERNIKE_SAG: 4,
+        ShapeKind.HEIGHT_MAP: 5,
+    },
+    "double": {
+        ShapeKind.QUADRIC: 0,
+        ShapeKind.BICONIC: 6,
+        ShapeKind.TORIC: 6,
+        ShapeKind.EVEN_ASPHERE: 7,
+        ShapeKind.ZERNIKE_SAG: 6,
+        ShapeKind.HEIGHT_MAP: 6,
+    },
+}
+"""Steps of Newton's method from the quadric, by precision and shape."""
 
 
 def declarations() -> str:
     """The C declarations the ray kernels share with the host."""
-    return c_enum(ElementKind, "ELEMENT") + c_enum(RayStatus, "RAY") + ELEMENT.c_declaration()
+    return (
+        c_enum(ElementKind, "ELEMENT")
+        + c_enum(ShapeKind, "SHAPE")
+        + c_enum(RayStatus, "RAY")
+        + ELEMENT.c_declaration()
+    )
 
 
 def travel_order(sequence: tuple[Element, ...], towards: Towards) -> tuple[Element, ...]:
@@ -74,42 +124,40 @@ def pack_eye(
     sequences: Sequence[tuple[Element, ...]], towards: Towards, precision: Precision
 ) -> PackedEye:
     """Elements in the order rays meet them, for one or several wavelengths."""
-    records = [_records(sequence, towards, precision) for sequence in sequences]
-    table = [np.zeros(1)]
-    most = max(
-        [
-            2,
-            *(
-                degree(g.profile)
-                for s in sequences
-                for g in gradients_of(s)
-                if isinstance(g.profile, PolynomialGradient)
-            ),
-        ]
-    )
-    for sequence, record in zip(sequences, records, strict=False):
-        for r, e in zip(record, sequence, strict=False):
-            sides = (e.gradient_before, e.gradient_after)
-            if towards == "scene":
-                sides = sides[::-1]
-            for name, placed in zip(
-                ("gradient_incident", "gradient_transmitted"), sides, strict=False
-            ):
-                r[name] = -1
-                if placed is not None:
-                    r[name] = sum(len(t) for t in table)
-                    table.append(profile_numbers(placed, e, most))
-            if sides[0] is not None:
-                r["gradient_steps"] = kernel_steps(sides[0], precision)
-                r["gradient_landing"] = landing_steps(int(r["gradient_steps"]), precision)
-    return PackedEye(np.concatenate(records), np.concatenate(table).astype(real_dtype(precision)))
+    table = _Table()
+    degree = EyeFeatures.of(sequences).gradient_degree
+    records = [_records(sequence, towards, precision, table) for sequence in sequences]
+    for sequence, of_sequence in zip(sequences, records, strict=True):
+        for record, e in zip(of_sequence, sequence, strict=True):
+            _fill_gradients(record, e, towards, precision, degree, table)
+    return PackedEye(np.concatenate(records), table.packed(precision))
 
 
-def gradients_of(s):
-    return [e.gradient_before for e in s if e.gradient_before is not None]
+class _Table:
+    """The numbers of shapes, those that several elements share only once."""
+
+    def __init__(self) -> None:
+        self._parts = [np.zeros(1)]
+        self._used = 1
+        self._places: dict[int, tuple[object, int]] = {}
+
+    def place(self, owner: object, numbers: np.ndarray) -> int:
+        """Where the numbers of a shape begin."""
+        if id(owner) not in self._places:
+            # The owner is kept, as its number may be given to another when it is gone.
+            self._places[id(owner)] = owner, self._used
+            self._parts.append(numbers.ravel())
+            self._used += numbers.size
+        return self._places[id(owner)][1]
+
+    def packed(self, precision: Precision) -> np.ndarray:
+        """All numbers."""
+        return np.concatenate(self._parts).astype(real_dtype(precision))
 
 
-def _records(sequence: tuple[Element, ...], towards: Towards, precision: Precision) -> np.ndarray:
+def _records(
+    sequence: tuple[Element, ...], towards: Towards, precision: Precision, table: _Table
+) -> np.ndarray:
     records = np.zeros(len(sequence), dtype=ELEMENT.dtype(precision))
     for record, e in zip(records, sequence, strict=True):
         n, n_next = (e.n_before, e.n_after) if towards == "retina" else (e.n_after, e.n_before)
@@ -127,25 +175,60 @@ def _records(sequence: tuple[Element, ...], towards: Towards, precision: Precisi
         record["index_step"] = n_next * n_next - n * n
         record["renormalise"] = -0.5 / (n_next * n_next)
         record["aperture2"] = e.semi_diameter_mm**2
+        record["inverse_aspect"] = 1.0 / e.aspect
+        _fill_place(record, e)
+        _fill_shape(record, e, precision, table)
     return records
 
 
-def has_conics(sequence: tuple[Element, ...]) -> bool:
-    """Whether any element is curved and not a sphere."""
-    return any(e.conic != 0.0 and e.curvature != 0.0 for e in sequence)
+def _fill_place(record: np.void, element: Element) -> None:
+    record["rotation"] = np.eye(3).ravel()
+    if element.placement is not None:
+        record["decentre_x"], record["decentre_y"] = element.placement.decentre_mm
+        record["rotation"] = element.placement.rotation.ravel()
+        record["is_placed"] = not np.array_equal(element.placement.rotation, np.eye(3))
 
 
-def gradient_defines(sequences):
-    g = [x for s in sequences for x in gradients_of(s)]
-    return {
-        "HAS_GRADIENTS": int(bool(g)),
-        "HAS_POLYNOMIALS": int(any(isinstance(x.profile, PolynomialGradient) for x in g)),
-        "HAS_SHELLS": int(any(isinstance(x.profile, ShellGradient) for x in g)),
-        "HAS_REAL_POWERS": int(
-            any(isinstance(x.profile, ShellGradient) and x.profile.power % 1 for x in g)
-        ),
-        "HAS_PLACED_GRADIENTS": int(any(map(is_placed, g))),
-        "GRADIENT_DEGREE": max(
-            [2, *(degree(x.profile) for x in g if isinstance(x.profile, PolynomialGradient))]
-        ),
-    }
+def _fill_gradients(
+    record: np.void,
+    element: Element,
+    towards: Towards,
+    precision: Precision,
+    degree: int,
+    table: _Table,
+) -> None:
+    inside, beyond = element.gradient_before, element.gradient_after
+    if towards == "scene":
+        inside, beyond = beyond, inside
+    for side, placed in (("incident", inside), ("transmitted", beyond)):
+        record[f"gradient_{side}"] = -1
+        if placed is not None:
+            numbers = profile_numbers(placed, element, degree)
+            record[f"gradient_{side}"] = table.place(numbers, numbers)
+    if inside is not None:
+        record["gradient_steps"] = kernel_steps(inside, precision)
+        record["gradient_landing"] = landing_steps(int(record["gradient_steps"]), precision)
+
+
+def _fill_shape(record: np.void, element: Element, precision: Precision, table: _Table) -> None:
+    kind, shape, quadric = shape_kind(element), element.shape, element.quadric
+    record["shape"] = kind
+    record["steps"] = SEARCH_STEPS[precision][kind]
+    record["curvature_x"] = quadric.curvature_x
+    record["axial"] = quadric.axial
+    record["factor_y"] = (1.0 + element.conic) * element.curvature**2
+    if isinstance(shape, Biconic):
+        record["factor_x"] = (1.0 + shape.conic_x) * shape.curvature_x**2
+    elif isinstance(shape, EvenAsphere):
+        record["columns"] = len(shape.coefficients)
+        record["table"] = table.place(shape, np.array(shape.coefficients))
+    elif isinstance(shape, ZernikeSag):
+        record["columns"] = shape.order
+        record["per_x"] = 1.0 / shape.radius_mm
+        powers = [shape.powers[i, shape.order - i :: -1] for i in range(shape.order, -1, -1)]
+        record["table"] = table.place(shape, np.concatenate(powers))
+    elif isinstance(shape, HeightMap):
+        record["rows"], record["columns"] = shape.heights_mm.shape
+        record["per_x"] = (record["columns"] - 1) / shape.width_mm
+        record["per_y"] = (record["rows"] - 1) / shape.height_mm
+        record["table"] = table.place(shape, shape.spline)

@@ -77,12 +77,6 @@ def landing_steps(steps: int, precision: Precision) -> int:
     return 0 if precision == "single" and steps <= 2 else 1 + steps // 8
 
 
-def degree(profile: PolynomialGradient) -> int:
-    """Largest i + 2 j of its z^i r^2j, at least 2."""
-    used = [i + 2 * j for i, row in enumerate(profile.coefficients) for j, c in enumerate(row) if c]
-    return max([2, *used])
-
-
 def profile_numbers(placed: PlacedGradient, element: Element, most_degree: int) -> np.ndarray:
     """A profile in the layout of lib/gradient.cl, as seen from an element's vertex.
 
@@ -91,10 +85,10 @@ def profile_numbers(placed: PlacedGradient, element: Element, most_degree: int) 
     profile = placed.profile
     offset = placed.origin_mm - np.array([0.0, 0.0, element.vertex_z_mm])
     rotation = np.eye(3)
-    if is_placed(placed):
-        rotation = placed.rotation.T
-    else:
+    if placed.is_centred:
         profile, offset = shifted(profile, -float(offset[2])), np.zeros(3)
+    else:
+        rotation = placed.rotation.T
     is_shells = isinstance(profile, ShellGradient)
     frame = np.concatenate([offset, rotation.ravel(), [float(is_shells)]])
     if isinstance(profile, ShellGradient):
@@ -113,11 +107,6 @@ def profile_numbers(placed: PlacedGradient, element: Element, most_degree: int) 
         given = np.array(profile.coefficients)[: most_degree + 1, : most_degree // 2 + 1]
         numbers[: given.shape[0], : given.shape[1]] = given
     return np.concatenate([frame, numbers.ravel()])
-
-
-def is_placed(placed: PlacedGradient) -> bool:
-    """Whether the axis of a profile is not the eye's."""
-    return placed.placement is not None and not placed.placement.is_centred
 
 
 def shifted(profile: Gradient, by_mm: float) -> Gradient:

@@ -10,6 +10,7 @@ import numpy as np
 from isetcl.device import program
 from isetcl.device.devices import Device
 from isetcl.device.elements import declarations, pack_eye
+from isetcl.device.eye_features import EyeFeatures
 from isetcl.device.layout import Precision, real_dtype
 from isetcl.eye.prescription import Element
 from isetcl.eye.rays import RayBundle
@@ -17,6 +18,9 @@ from isetcl.eye.sequential import Towards
 
 if TYPE_CHECKING:
     import pyopencl
+
+
+_CONICS = EyeFeatures()
 
 
 @dataclass(eq=False)
@@ -44,8 +48,8 @@ class RayTracer:
         Keep the optical path lengths; double precision only.
     shared_direction
         All rays have one direction (a collimated beam).
-    conic
-        Whether any surface is not a sphere or plane; without it the conic terms are left out.
+    features
+        What the surfaces need; what they do not is left out.
     vector_width
         Lanes of a work-item; None for the device's own.
     """
@@ -59,12 +63,9 @@ class RayTracer:
         record_directions: bool = True,
         record_opl: bool = False,
         shared_direction: bool = False,
-        conic: bool = True,
-        gradients=None,
+        features: EyeFeatures = _CONICS,
         vector_width: int | None = None,
     ) -> None:
-        if gradients is None:
-            gradients = {}
         device.check_precision(precision)
         self._device = device
         self._precision = precision
@@ -74,9 +75,7 @@ class RayTracer:
         self._shared_direction = shared_direction
         defines = device.defines(precision, vector_width)
         self._width = defines["WIDTH"]
-        defines |= {
-            **gradients,
-            "HAS_CONICS": int(conic),
+        defines |= features.eye_feature_defines() | {
             "HAS_HITS": int(record_hits),
             "HAS_OPL": int(self._record_opl),
             "HAS_DIRECTIONS": int(record_directions),

@@ -21,7 +21,7 @@ TABLE_SIZE = 8192
 """Nodes of `airy_table`."""
 
 _LAST_RINGS_V = 157.0
-_NEWTON_STEPS = 60
+_HALVINGS = 60
 
 
 def share_beyond(v: np.ndarray | float) -> np.ndarray:
@@ -60,7 +60,7 @@ def radius_of_share(beyond: np.ndarray | float) -> np.ndarray:
     join = _join()
     low, high = np.zeros(t.shape), np.full(t.shape, join)
     # Halving is slow and cannot go wrong where the pattern is dark and the slope vanishes.
-    for _ in range(_NEWTON_STEPS):
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         above = share_beyond(middle) > t
         low, high = np.where(above, middle, low), np.where(above, high, middle)

@@ -110,8 +110,8 @@ def principal_meridians(
 def paraxial_refraction(eye: Eye, wavelength_nm: float = REFERENCE_WAVELENGTH_NM) -> Refraction:
     """The thin lens at the corneal vertex that makes an eye see infinity sharp, paraxially.
 
-    Light of the vergences L that leave it is imaged on the retina: B L = -A with (A, B) the upper
-    half of the matrix from there to the retina.
+    It turns light along the axis by n u = -L (x, y), which is imaged on the retina if B L = A with
+    (A, B) the upper half of the matrix from there to the retina.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def paraxial_refraction(eye: Eye, wavelength_nm: float = REFERENCE_WAVELENGTH_NM
     matrix = _transfer(gap / index[-1]) @ astigmatic_matrix(eye, wavelength_nm)
     matrix = matrix @ _transfer(start / index[0])
     try:
-        lens = -np.linalg.solve(matrix[:2, 2:], matrix[:2, :2]) * MM_PER_M
+        lens = np.linalg.solve(matrix[:2, 2:], matrix[:2, :2]) * MM_PER_M
     except np.linalg.LinAlgError:
         raise InvalidInputError(f"eye {eye.name!r} sees no point of its retina") from None
     (xx, xy), (yx, yy) = lens.tolist()

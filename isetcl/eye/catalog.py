@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from isetcl.errors import InvalidInputError, check_choice
 from isetcl.eye.accommodation import accommodated
+from isetcl.eye.ageing import ageing
 from isetcl.eye.arizona import ArizonaModel
 from isetcl.eye.atchison import atchison
 from isetcl.eye.bennett_rabbetts import bennett_rabbetts
@@ -21,7 +22,9 @@ from isetcl.eye.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
 from isetcl.eye.navarro import Hold, NavarroModel
+from isetcl.eye.population import load_population as load_population
 from isetcl.eye.reduced import drasdo_fowler, thibos
+from isetcl.units import distance_from_vergence
 
 
 def navarro(
@@ -135,6 +138,7 @@ _BUILDERS: dict[str, Callable[..., Eye]] = {
     "bennett_rabbetts": bennett_rabbetts,
     "liou_brennan": liou_brennan,
     "atchison": atchison,
+    "ageing": ageing,
     "drasdo_fowler": drasdo_fowler,
     "thibos": thibos,
 }
@@ -146,7 +150,10 @@ ACCOMMODATING = tuple(
 )
 """Names of the eyes that accommodate continuously."""
 
-__all__ = ["ACCOMMODATING", "by_name", "names", *_BUILDERS]
+FILE_SUFFIXES = (".json", ".zmx", ".dat")
+"""Endings of names that are files of eyes."""
+
+__all__ = ["ACCOMMODATING", "FILE_SUFFIXES", "by_name", "names", *_BUILDERS]
 
 
 def names() -> tuple[str, ...]:
@@ -157,13 +164,24 @@ def names() -> tuple[str, ...]:
 def by_name(
     name: str, pupil_diameter_mm: float = 4.0, accommodation_dpt: float | None = None
 ) -> Eye:
-    """A model eye by its name, one of `names()`, with everything else at its default.
+    """A model eye by its name, one of `names()`, or the eye of a file (see `load_eye`).
+
+    Everything else is at its default.
 
     Raises
     ------
     InvalidInputError
         If the name is unknown (near matches are named), or the eye cannot accommodate.
+    FileError
+        If the file cannot be read.
     """
+    if isinstance(name, str) and name.lower().endswith(FILE_SUFFIXES):
+        from isetcl.eye.files.load import load_eye
+
+        eye = load_eye(name, pupil_diameter_mm=pupil_diameter_mm)
+        if accommodation_dpt is None:
+            return eye
+        return eye.focus_at(distance_from_vergence(accommodation_dpt))
     builder = _BUILDERS[check_choice("eye", name, names())]
     if name in ACCOMMODATING:
         return builder(pupil_diameter_mm, accommodation_dpt)

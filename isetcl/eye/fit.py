@@ -31,7 +31,7 @@ _UNITS = (("curvature", 0.01), ("_mm", 0.1), ("conic", 0.3), ("_deg", 1.0))
 _NO_INFLUENCE_UM = 1e-5  # change of all coefficients by one unit of a parameter
 _DEPENDENT = 1e-6
 _IMPOSSIBLE = 1e3  # residual of an eye that cannot be, over that of the start
-_TOLERANCE = 1e-10
+_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,9 +172,8 @@ def fit(
             f"the fit did not converge in {steps} steps; raise max_evaluations or start nearer",
             stacklevel=2,
         )
-    slopes = problem.jacobian(found.x)
-    _check_influence(problem.names, slopes)
-    return problem.result(found.x, slopes, noise_um, bool(found.success))
+    _check_influence(problem.names, found.jac)
+    return problem.result(found.x, found.jac, noise_um, bool(found.success))
 
 
 class _Problem:

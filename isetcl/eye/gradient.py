@@ -60,6 +60,12 @@ class PolynomialGradient:
         filled = tuple(tuple(np.pad(row, (0, width - len(row))).tolist()) for row in rows)
         object.__setattr__(self, "coefficients", filled)
 
+    @property
+    def degree(self) -> int:
+        """Largest i + 2 j of its z^i r^(2j), at least 2."""
+        rows = enumerate(self.coefficients)
+        return max([2, *(i + 2 * j for i, row in rows for j, c in enumerate(row) if c != 0.0)])
+
     def index(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Refractive index at points in mm, shape of the input."""
         return self._evaluate(np.square(x) + np.square(y), np.asarray(z))[0]
@@ -130,6 +136,7 @@ class ShellGradient:
                     f"{getattr(self, name):g}"
                 )
         _check_shells("shell gradient", self)
+        object.__setattr__(self, "power", float(self.power))
 
     def index(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
         """Refractive index at points in mm, shape of the input."""

@@ -107,6 +107,11 @@ class PlacedGradient:
     chords: tuple[tuple[float, float, float], ...]
 
     @property
+    def is_centred(self) -> bool:
+        """Whether its axis is that of the eye."""
+        return self.placement is None or self.placement.is_centred
+
+    @property
     def origin_mm(self) -> np.ndarray:
         """The vertex of the surface in front, eye frame, mm, (3,)."""
         x, y = (0.0, 0.0) if self.placement is None else self.placement.decentre_mm

@@ -7,6 +7,7 @@ from enum import IntEnum
 from typing import Literal
 
 from isetcl.device.devices import Device
+from isetcl.device.eye_features import EyeFeatures
 from isetcl.device.layout import Precision
 
 
@@ -26,22 +27,26 @@ def eye_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
     """The #defines of the eye: what its surfaces are, and what bends rays inside it."""
     numbers = {f"HURB_{name.upper()}": i for i, name in enumerate(_HURB_AXES)}
     is_hurb = config.diffraction in _HURB_AXES
-    return numbers | {
-        "HAS_CONICS": int(config.has_conics),
-        "HAS_ASPHERIC_RETINA": int(config.has_aspheric_retina),
-        "HAS_ASYMMETRY": int(config.has_asymmetry),
-        "HAS_FAR_SIDE": int(config.has_far_side),
-        "HAS_SEMI_DIAMETERS": int(config.has_semi_diameters),
-        "HAS_DIFFRACTION": int(config.diffraction != "none"),
-        "DIFFRACTION_AIRY": int(config.diffraction == "airy"),
-        "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
-        "HAS_SCATTER": int(config.has_scatter),
-    }
+    return (
+        config.eye_feature_defines()
+        | numbers
+        | {
+            "HAS_ASPHERIC_RETINA": int(config.has_aspheric_retina),
+            "HAS_ASYMMETRY": int(config.has_asymmetry),
+            "HAS_RELIEF": int(config.has_relief),
+            "HAS_FAR_SIDE": int(config.has_far_side),
+            "HAS_SEMI_DIAMETERS": int(config.has_semi_diameters),
+            "HAS_DIFFRACTION": int(config.diffraction != "none"),
+            "DIFFRACTION_AIRY": int(config.diffraction == "airy"),
+            "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
+            "HAS_SCATTER": int(config.has_scatter),
+        }
+    )
 
 
 @dataclass(frozen=True)
-class KernelConfig:
-    """Compile-time features of the direct pipeline.
+class KernelConfig(EyeFeatures):
+    """Compile-time features of the direct pipeline; what an eye needs is in `EyeFeatures`.
 
     Attributes
     ----------
@@ -49,12 +54,12 @@ class KernelConfig:
         Type and lanes of the arithmetic.
     n_basis
         Spectra that span the scene: channels of the film.
-    has_conics
-        Some refracting surface is not a sphere.
     has_aspheric_retina
         The retina is not a sphere, so its normal has to be normalised.
     has_asymmetry
         The eye is no figure of revolution: retina and pupils are functions of two field angles.
+    has_relief
+        A height map lies on the retina.
     has_far_side
         Some ray may cross a surface beyond its equator.
     has_semi_diameters
@@ -72,9 +77,9 @@ class KernelConfig:
     precision: Precision
     vector_width: int
     n_basis: int = 1
-    has_conics: bool = True
     has_aspheric_retina: bool = True
     has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     diffraction: BendKind = "none"
@@ -138,7 +143,7 @@ def path_width(device: Device, precision: Precision) -> int:
 
 
 @dataclass(frozen=True)
-class PathConfig:
+class PathConfig(EyeFeatures):
     """Compile-time features of the path pipeline, and how far it follows paths.
 
     Attributes
@@ -151,7 +156,7 @@ class PathConfig:
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
     starts_given
         Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
-    has_conics, has_aspheric_retina, has_asymmetry, has_far_side, has_semi_diameters, diffraction,
+    has_aspheric_retina, has_asymmetry, has_relief, has_far_side, has_semi_diameters, diffraction,
     has_scatter
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
@@ -181,9 +186,9 @@ class PathConfig:
     max_bounces: int
     is_fused: bool = False
     starts_given: bool = False
-    has_conics: bool = True
     has_aspheric_retina: bool = True
     has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     diffraction: BendKind = "none"

@@ -25,6 +25,7 @@ from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.ray_bending import DiffractionChoice
+from isetcl.eye.retina_form import relief
 from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
@@ -36,6 +37,7 @@ from isetcl.render.kernel_config import (
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
 from isetcl.render.plan_bends import NO_BENDS, Bends, decide_bends
+from isetcl.render.plan_eye import decide_eye_features
 from isetcl.render.plan_paths import (
     check_mesh_memory,
     check_spectra,
@@ -218,7 +220,7 @@ def plan(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
-            **_decide_eye(eye, pupils, bends, notes),
+            **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
         )
@@ -228,7 +230,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
-            **_decide_eye(eye, pupils, bends, notes),
+            **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
         )
     tile = _decide_tile(grid, config, len(choice.bands), notes)
@@ -361,21 +363,15 @@ def _decide_eye(
     eye: Eye,
     pupils: tuple[ExitPupilBound | PlanePupilBound, ...],
     bends: Bends,
+    wavelength_nm: float,
+    precision: Precision,
     notes: list[Decision],
 ) -> dict[str, Any]:
-    conic = [s.name for s in eye.surfaces if s.conic != 0 and s.curvature != 0]
     fill = min(p.fill for p in pupils)
     notes.append(
         Decision("pupil sampling", "exit pupil", f"{100 * fill:.3g} % of the rays pass the stop")
     )
-    return {
-        "has_conics": left_out(
-            notes,
-            "conic surfaces",
-            bool(conic),
-            ", ".join(conic),
-            "every refracting surface is a sphere or a plane",
-        ),
+    return decide_eye_features(eye, wavelength_nm, precision, notes) | {
         "has_aspheric_retina": left_out(
             notes,
             "aspheric retina",
@@ -389,6 +385,13 @@ def _decide_eye(
             not eye.is_rotational,
             ", ".join(eye.asymmetries()),
             "the eye is a figure of revolution: one field angle tells all",
+        ),
+        "has_relief": left_out(
+            notes,
+            "relief of the retina",
+            relief(eye.retina) is not None,
+            "a height map lies on the retina",
+            "the retina is smooth",
         ),
         "has_far_side": left_out(
             notes,

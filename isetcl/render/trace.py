@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 
 from isetcl.device.choose import find_device
-from isetcl.device.elements import gradient_defines, has_conics, travel_order
+from isetcl.device.elements import travel_order
+from isetcl.device.eye_features import EyeFeatures
 from isetcl.device.layout import Precision
 from isetcl.device.tracer import RayTracer
 from isetcl.errors import (
@@ -87,8 +88,7 @@ def trace_rays(
         record_hits=record_hits,
         record_opl=precision == "double",
         shared_direction=len(unit) > 1 and bool(np.all(unit == unit[0])),
-        conic=any(has_conics(s) for s in sequences.values()),
-        gradients=gradient_defines(list(sequences.values())),
+        features=EyeFeatures.of(sequences.values()),
     )
     parts = []
     for wavelength, sequence in sequences.items():

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from isetcl.eye.ageing import AgeingModel
 from isetcl.eye.arizona import ArizonaModel
 from isetcl.eye.artificial_pupil import ArtificialPupil
 from isetcl.eye.bennett_rabbetts import BennettRabbettsModel
@@ -64,6 +65,7 @@ _FAMILIES: tuple[type[Any], ...] = (
     NavarroModel,
     ArizonaModel,
     BennettRabbettsModel,
+    AgeingModel,
     AlteredModel,
 )
 _CHANGES: tuple[type[Any], ...] = (

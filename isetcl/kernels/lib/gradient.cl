@@ -3,24 +3,20 @@
  * Ray equation in t with ds = n dt:  R'' = grad(n^2) / 2,  T = R' = n times the unit direction, which
  * is the state of a ray everywhere in the eye.  Source: Sharma, Kumar & Ghatak 1982, Appl Opt 21:984.
  *
- * HAS_GRADIENTS: some medium has a gradient. HAS_POLYNOMIALS, HAS_SHELLS: of these kinds.
- * GRADIENT_DEGREE: largest i + 2 j of the polynomials' z^i r^2j, at least 2. HAS_REAL_POWERS: shells
- * with a power that is no whole number. HAS_PLACED_GRADIENTS: one is off the axis or tilted.
- *
  * A profile in the eye's table is GRADIENT_FRAME reals (the vertex of its frame from that of the
  * element; its three axes; 1 for shells) and its numbers: c[i][j] of z^i r^2j, GRADIENT_ROW a row; or
  * core, core - edge, centre, 1 / semi_z^2, 1 / semi_r^2, power - 1.
  */
 #include "lib/crossing.cl"
 #if HAS_GRADIENTS
-#if HAS_SHELLS
+#if HAS_SHELL_GRADIENTS
 #include "lib/power.cl"
 #endif
 
 #define GRADIENT_FRAME 13
 #define GRADIENT_ROW (GRADIENT_DEGREE / 2 + 1)
 
-#if HAS_POLYNOMIALS
+#if HAS_POLYNOMIAL_GRADIENTS
 /* polynomial_index - n and its derivatives by z and by s = r^2; mm. Horner's rule.
  *
  * The conditions are constants once the loops are unrolled.
@@ -48,7 +44,7 @@ INLINE void polynomial_index(global const real *c, realv s, realv z, realv *n, r
 }
 #endif
 
-#if HAS_SHELLS
+#if HAS_SHELL_GRADIENTS
 /* shell_power - (zeta^2)^(power - 1) and zeta^2 */
 INLINE realv shell_power(global const real *p, realv s, realv z, realv *zeta2) {
   realv from_centre = z - p[2];
@@ -61,17 +57,17 @@ INLINE realv shell_power(global const real *p, realv s, realv z, realv *zeta2) {
 }
 #endif
 
-/* half_gradient - half the gradient of n^2, 1/mm, at points of the profile's frame.
+/* index_force - half the gradient of n^2, 1/mm, at points of the profile's frame.
  *
  * Returns n^2.
  */
-INLINE realv half_gradient(global const real *profile, realv x, realv y, realv z, realv *fx,
+INLINE realv index_force(global const real *profile, realv x, realv y, realv z, realv *fx,
                            realv *fy, realv *fz) {
   global const real *p = profile + GRADIENT_FRAME;
   realv s = mul_add(x, x, y * y);
   realv n = 1, across = 0;
-#if HAS_SHELLS
-#if HAS_POLYNOMIALS
+#if HAS_SHELL_GRADIENTS
+#if HAS_POLYNOMIAL_GRADIENTS
   if (profile[GRADIENT_FRAME - 1] != 0)
 #endif
   {
@@ -82,11 +78,11 @@ INLINE realv half_gradient(global const real *profile, realv x, realv y, realv z
     across = steep * p[4];
     *fz = steep * p[3] * (z - p[2]);
   }
-#if HAS_POLYNOMIALS
+#if HAS_POLYNOMIAL_GRADIENTS
   else
 #endif
 #endif
-#if HAS_POLYNOMIALS
+#if HAS_POLYNOMIAL_GRADIENTS
   {
     realv by_z, by_s;
     polynomial_index(p, s, z, &n, &by_z, &by_s);
@@ -151,7 +147,7 @@ INLINE realv gauss_step(rayv *ray, global const real *profile, realv h) {
 #pragma unroll
   for (int i = 0; i < 3; ++i) {
     realv reach = h * c[i];
-    n2[i] = half_gradient(profile, mul_add(reach, ray->tx, ray->x), mul_add(reach, ray->ty, ray->y),
+    n2[i] = index_force(profile, mul_add(reach, ray->tx, ray->x), mul_add(reach, ray->ty, ray->y),
                           mul_add(reach, ray->tz, ray->z), fx + i, fy + i, fz + i);
   }
   for (int sweep = 0; sweep < 2; ++sweep) {
@@ -162,7 +158,7 @@ INLINE realv gauss_step(rayv *ray, global const real *profile, realv h) {
       realv bx = mul_add(fx[0], (realv)a[i][0], mul_add(fx[1], (realv)a[i][1], fx[2] * a[i][2]));
       realv by = mul_add(fy[0], (realv)a[i][0], mul_add(fy[1], (realv)a[i][1], fy[2] * a[i][2]));
       realv bz = mul_add(fz[0], (realv)a[i][0], mul_add(fz[1], (realv)a[i][1], fz[2] * a[i][2]));
-      n2[i] = half_gradient(profile, mul_add(h2, bx, mul_add(reach, ray->tx, ray->x)),
+      n2[i] = index_force(profile, mul_add(h2, bx, mul_add(reach, ray->tx, ray->x)),
                             mul_add(h2, by, mul_add(reach, ray->ty, ray->y)),
                             mul_add(h2, bz, mul_add(reach, ray->tz, ray->z)), gx + i, gy + i,
                             gz + i);
@@ -184,22 +180,28 @@ INLINE realv gauss_step(rayv *ray, global const real *profile, realv h) {
   return h * mul_add(n2[0] + n2[2], (realv)b[0], n2[1] * b[1]);
 }
 
-/* short_step - a step so short that the force in its middle is enough. As gauss_step. */
-INLINE realv short_step(rayv *ray, global const real *profile, realv h) {
-  realv half_h = R(0.5) * h, fx, fy, fz;
-  realv n2 = half_gradient(profile, mul_add(half_h, ray->tx, ray->x),
-                           mul_add(half_h, ray->ty, ray->y), mul_add(half_h, ray->tz, ray->z), &fx,
-                           &fy, &fz);
-  ray->x = mul_add(h, mul_add(half_h, fx, ray->tx), ray->x);
-  ray->y = mul_add(h, mul_add(half_h, fy, ray->ty), ray->y);
-  ray->z = mul_add(h, mul_add(half_h, fz, ray->tz), ray->z);
-  ray->tx = mul_add(h, fx, ray->tx);
-  ray->ty = mul_add(h, fy, ray->ty);
-  ray->tz = mul_add(h, fz, ray->tz);
-  return h * n2;
+/* short_step - a step so short that the force in its middle is enough. As gauss_step.
+ *
+ * force out   that force, as the direction of a ray
+ * n2 out      n^2 there
+ */
+INLINE realv short_step(rayv *ray, global const real *profile, realv h, rayv *force, realv *n2) {
+  realv half_h = R(0.5) * h;
+  *n2 = index_force(profile, mul_add(half_h, ray->tx, ray->x), mul_add(half_h, ray->ty, ray->y),
+                      mul_add(half_h, ray->tz, ray->z), &force->tx, &force->ty, &force->tz);
+  ray->x = mul_add(h, mul_add(half_h, force->tx, ray->tx), ray->x);
+  ray->y = mul_add(h, mul_add(half_h, force->ty, ray->ty), ray->y);
+  ray->z = mul_add(h, mul_add(half_h, force->tz, ray->tz), ray->z);
+  ray->tx = mul_add(h, force->tx, ray->tx);
+  ray->ty = mul_add(h, force->ty, ray->ty);
+  ray->tz = mul_add(h, force->tz, ray->tz);
+  return h * *n2;
 }
 
-/* How far from a surface the last straight step may begin, in units of T, mm. */
+/* GRADIENT_NEAR - how far from a surface the last straight step may begin, in units of T, mm.
+ * GRADIENT_KEPT - part of n^2 by which |T|^2 may differ from it in the middle of the step before.
+ */
+#define GRADIENT_KEPT R(0.01)
 #if DOUBLE_PRECISION
 #define GRADIENT_NEAR 1e-7
 #else
@@ -236,7 +238,8 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
                             real sense, int far_side, crossingv *at) {
   global const real *profile = eye_table + element->gradient_incident;
   maskv met = -1;
-  realv length = 0;
+  realv length = 0, n2 = 1;
+  rayv force = *ray;
   const int rounds = element->gradient_landing > 0 ? 3 : 2;
   for (int round = 0; round < rounds; ++round) {
     rayv straight = *ray;
@@ -244,7 +247,7 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
     realv way = is_number(at->path) ? at->path : -ray->z / ray->tz;
     to_profile(ray, profile);
     if (round == rounds - 1) {
-      length += short_step(ray, profile, way);
+      length += short_step(ray, profile, way, &force, &n2);
     } else {
       const int steps = round == 0 ? element->gradient_steps : element->gradient_landing;
       const realv h = way * (R(1.0) / (real)steps);
@@ -252,19 +255,14 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
     }
     from_profile(ray, profile);
   }
-  rayv before = *ray;
-  to_profile(&before, profile);
-  realv fx, fy, fz;
-  realv n2 = half_gradient(profile, before.x, before.y, before.z, &fx, &fy, &fz);
-  realv t2 = squared_length(ray);
+  maskv kept = magnitude(squared_length(ray) - n2) <= GRADIENT_KEPT * n2;
   met = met & approach_element(ray, element, eye_table, sense, far_side, rounds, at);
-  before.tx = mul_add(at->path, fx, before.tx);
-  before.ty = mul_add(at->path, fy, before.ty);
-  before.tz = mul_add(at->path, fz, before.tz);
-  from_profile(&before, profile);
-  ray->tx = before.tx, ray->ty = before.ty, ray->tz = before.tz;
-  maskv arrived = (magnitude(t2 - n2) <= R(1e-3) * n2) & (magnitude(at->path) <= GRADIENT_NEAR);
-  ray->x = arrived ? ray->x : (realv)NAN;
+  from_profile(&force, profile);
+  ray->tx = mul_add(at->path, force.tx, ray->tx);
+  ray->ty = mul_add(at->path, force.ty, ray->ty);
+  ray->tz = mul_add(at->path, force.tz, ray->tz);
+  kept = kept & (magnitude(at->path) <= GRADIENT_NEAR);
+  ray->x = kept ? ray->x : (realv)NAN;
 #if HAS_OPL
   at->path = mul_add(at->path, n2, length) * element->inverse_n2;
 #endif
@@ -279,7 +277,7 @@ INLINE realv squared_index_after(const rayv *ray, constant element_t *element,
   rayv there = *ray;
   to_profile(&there, profile);
   realv fx, fy, fz;
-  return half_gradient(profile, there.x, there.y, there.z, &fx, &fy, &fz);
+  return index_force(profile, there.x, there.y, there.z, &fx, &fy, &fz);
 }
 #endif
 

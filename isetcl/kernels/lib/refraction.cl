@@ -6,20 +6,25 @@
  * T' = T + Gamma g,  Gamma = sense (n'^2 - n^2) / (sqrt(q^2 + (n'^2 - n^2) |g|^2) + |q|),
  * followed by one Newton step towards |T'| = n'.
  *
- * ray   rays on the surface
- * s     surface constants for this direction of travel
- * at    where they cross it; g is set here, as carrying it from the crossing to here through the
- *       choice between surfaces and the stop takes up to a third of the time of a whole trace
+ * Where a gradient begins or ends n and n' are those at the point: |T| and what its profile gives.
+ *
+ * ray         rays on the surface
+ * s           surface constants for this direction of travel
+ * eye_table   where the profiles of gradients are
+ * at    where they cross it. Where all surfaces are conics about the axis of the eye, g is set here:
+ *       carrying it from the crossing through the choice between surfaces and the stop takes up to a
+ *       third of the time of a whole trace
  */
 INLINE void refract(rayv *ray, constant element_t *s, global const real *eye_table, real sense,
                     crossingv *at) {
+#if !HAS_FORMS
   conic_slope(ray, s, at);
+#endif
 #if HAS_GRADIENTS
   realv n2_transmitted = s->n2_transmitted, index_step = s->index_step;
   if (s->gradient_incident >= 0)
     at->q = mul_add(at->gx, ray->tx, mul_add(at->gy, ray->ty, at->gz * ray->tz));
   if (s->gradient_incident >= 0 || s->gradient_transmitted >= 0) {
-    /* |T|^2 is n^2 where the ray is. */
     n2_transmitted = squared_index_after(ray, s, eye_table);
     index_step = n2_transmitted - squared_length(ray);
   }

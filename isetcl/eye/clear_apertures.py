@@ -1,7 +1,7 @@
-"""Semi-diameters for surfaces of files that fix none.
+"""Semi-diameters that nobody measured: the largest with which surfaces exist and do not cross.
 
-In Zemax an automatic semi-diameter follows the rays and clips nothing. Here a surface needs one; it
-gets the largest that lets it exist and keeps it from crossing its neighbours.
+Model eyes leave them open, and in Zemax an automatic semi-diameter follows the rays and clips
+nothing. Here every surface needs one.
 """
 
 from __future__ import annotations
