@@ -58,7 +58,9 @@ _SKY_HELP = (
 
 def render(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help=_SCENE_HELP)],
-    eye: Annotated[str, typer.Option(help="Model eye: navarro, arizona or legrand.")] = "navarro",
+    eye: Annotated[
+        str, typer.Option(help="Model eye (navarro, arizona, atchison ...) or its file.")
+    ] = "navarro",
     pupil: Annotated[float, typer.Option(help="Diameter of the stop (iris), mm.")] = 4.0,
     accommodation: Annotated[str, typer.Option(help=_FOCUS_HELP)] = "centre",
     fov: Annotated[float | None, typer.Option(help=_FOV_HELP)] = None,

@@ -73,15 +73,15 @@ SEARCH_STEPS = {
         ShapeKind.TORIC: 4,
         ShapeKind.EVEN_ASPHERE: 5,
         ShapeKind.ZERNIKE_SAG: 4,
-        ShapeKind.HEIGHT_MAP: 4,
+        ShapeKind.HEIGHT_MAP: 5,
     },
     "double": {
         ShapeKind.QUADRIC: 0,
-        ShapeKind.BICONIC: 5,
-        ShapeKind.TORIC: 5,
-        ShapeKind.EVEN_ASPHERE: 6,
-        ShapeKind.ZERNIKE_SAG: 5,
-        ShapeKind.HEIGHT_MAP: 5,
+        ShapeKind.BICONIC: 6,
+        ShapeKind.TORIC: 6,
+        ShapeKind.EVEN_ASPHERE: 7,
+        ShapeKind.ZERNIKE_SAG: 6,
+        ShapeKind.HEIGHT_MAP: 6,
     },
 }
 """Steps of Newton's method from the quadric, by precision and shape."""

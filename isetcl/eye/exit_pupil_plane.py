@@ -19,6 +19,7 @@ from isetcl.eye.field import FieldMap
 from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye
 from isetcl.eye.plane_polynomial import PlanePolynomial, Rectangle, fit
+from isetcl.eye.retina_form import lifted, relief
 
 _AZIMUTHS = 24
 _CHECK_AZIMUTHS = 40
@@ -77,7 +78,10 @@ def plane_pupil_bound(
     InvalidInputError
         If some retinal point cannot see the stop.
     """
-    outline = PlaneOutline(eye, wavelength_nm, grid_map)
+    # Under a relief, bounds are those of the smooth retina, and hold for its highest and lowest
+    # points: outlines hardly depend on them.
+    heights = relief(eye.retina)
+    outline = PlaneOutline(eye, wavelength_nm, grid_map, None if heights is None else 0.0)
     check = rectangle.lattice(_CHECKS)
     # Whether the whole stop can be seen decides how outlines are found, for all fields alike.
     outline.edge(check, _AZIMUTHS)
@@ -86,6 +90,10 @@ def plane_pupil_bound(
     ellipse = fit(rectangle, nodes, outline.affine(nodes), relative * eye.stop.radius_mm)
     _check_ellipses(eye, ellipse)
     excess, fill = outline.compare_ellipse(ellipse, check)
+    if heights is not None:
+        for lift in (float(heights.heights_mm.min()), float(heights.heights_mm.max())):
+            other = PlaneOutline(eye, wavelength_nm, grid_map, lift)
+            excess = max(excess, other.compare_ellipse(ellipse, check)[0])
     grow = max(excess, 1.0) * (1.0 + (MARGIN if outline.is_complete else _SCAN_MARGIN))
     clipped, far_side = outline.losses(check)
     grown = ellipse.coefficients * np.array([1.0, 1.0, grow, grow, grow, grow])
@@ -134,10 +142,19 @@ def pupil_bounds(
 
 
 class PlaneOutline(StopOutline):
-    """The edge of the stop as seen from retinal points of field angles (n, 2)."""
+    """The edge of the stop as seen from retinal points of field angles (n, 2).
 
-    def __init__(self, eye: Eye, wavelength_nm: float, grid_map: FieldPlane) -> None:
+    Parameters
+    ----------
+    lift_mm
+        Height above the retina without its relief; None for the retina itself.
+    """
+
+    def __init__(
+        self, eye: Eye, wavelength_nm: float, grid_map: FieldPlane, lift_mm: float | None = None
+    ) -> None:
         super().__init__(eye, wavelength_nm, grid_map)
+        self._lift_mm = lift_mm
         self._plane_map = grid_map
         self._stop = eye.stop
 
@@ -170,7 +187,13 @@ class PlaneOutline(StopOutline):
         return self._stop.rim_mm(circle)
 
     def _retina(self, field_deg: np.ndarray, repeats: int) -> np.ndarray:
-        return np.repeat(self._plane_map.retinal_point_mm(*field_deg.T), repeats, axis=0)
+        if self._lift_mm is None:
+            point = self._plane_map.retinal_point_mm(*field_deg.T)
+        else:
+            point = lifted(
+                self._plane_map.eye.retina, self._plane_map.base_point_mm(field_deg), self._lift_mm
+            )
+        return np.repeat(point, repeats, axis=0)
 
     def _chief(self, retina_mm: np.ndarray) -> np.ndarray:
         """Where the chief rays of retinal points cross the pupil plane.

@@ -62,8 +62,15 @@ def _shifted(retina: Retina, point_mm: np.ndarray, sense: float) -> np.ndarray:
     element = retina_element(retina)
     local, _ = element.enter(point_mm, point_mm)
     height, _, _ = map_of_heights.departure(local[:, 0], local[:, 1])
-    moved = local + sense * height[:, None] * np.array([0.0, 0.0, 1.0])
-    return element.leave(moved, moved)[0]
+    return lifted(retina, point_mm, sense * height)
+
+
+def lifted(retina: Retina, point_mm: np.ndarray, height_mm: np.ndarray | float) -> np.ndarray:
+    """Points (n, 3), mm, moved along the retina's axis by heights, mm."""
+    axis = np.array([0.0, 0.0, 1.0])
+    if retina.placement is not None:
+        axis = retina.placement.rotation @ axis
+    return np.asarray(point_mm + np.asarray(height_mm)[..., None] * axis)
 
 
 def retinal_normal(retina: Retina, point_mm: np.ndarray) -> np.ndarray:

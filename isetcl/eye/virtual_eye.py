@@ -24,6 +24,7 @@ _FOCAL_MM = 16.67
 _VITREOUS_INDEX = 1.336
 _RIM_SAMPLES = 16
 _AZIMUTHS = 36
+_AUTO_SAMPLES = (64, 512)
 
 # Thibos, Ye, Zhang & Bradley 1992, Appl Opt 31:3594: index of the chromatic reduced eye, radius of
 # its surface, and the index at 589 nm.
@@ -105,7 +106,7 @@ def radial_mtf(
     pupil_diameter_mm: float | None = None,
     wavelengths_nm: np.ndarray | Sequence[float] | None = None,
     focus_nm: float = 560.0,
-    samples: int = 64,
+    samples: int | None = None,
 ) -> np.ndarray:
     """Modulation transfer in white light, the mean over all orientations, (n,).
 
@@ -121,6 +122,8 @@ def radial_mtf(
         transfer in that light.
     focus_nm
         Wavelength at which the coefficients hold as they are, nm.
+    samples
+        Samples across the pupil; None takes 64, or what the aberrations need (up to 512).
 
     Raises
     ------
@@ -140,12 +143,18 @@ def radial_mtf(
     x, y = np.outer(np.cos(turn), frequency), np.outer(np.sin(turn), frequency)
     total = np.zeros(x.shape, dtype=complex)
     for nm, part in zip(grid, share / share.sum(), strict=True):
-        front = wavefront_of(
-            zernike, pupil_diameter_mm=pupil_diameter_mm, wavelength_nm=float(nm), samples=samples
-        )
-        # In the blue the eye is too strong, which a lens of that power in front does too.
-        lens = chromatic_difference_dpt(focus_nm) - chromatic_difference_dpt(float(nm))
-        total += part * front.with_lens(float(lens)).otf().at(x, y)
+        # In the blue the eye is too strong, as if a lens of so much power stood before it.
+        lens = float(chromatic_difference_dpt(focus_nm) - chromatic_difference_dpt(float(nm)))
+
+        def front(count: int, nm: float = float(nm), lens: float = lens) -> Wavefront:
+            return wavefront_of(
+                zernike, pupil_diameter_mm=pupil_diameter_mm, wavelength_nm=nm, samples=count
+            ).with_lens(lens)
+
+        sampled = front(_AUTO_SAMPLES[0] if samples is None else samples)
+        if samples is None and sampled.samples_needed() > sampled.samples:
+            sampled = front(min(sampled.samples_needed(), _AUTO_SAMPLES[1]))
+        total += part * sampled.otf().at(x, y)
     return np.asarray(np.mean(np.abs(total), axis=0))
 
 

@@ -81,7 +81,7 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
     realv gy = mul_add(top + sobol_coordinate(sample, 3, pixel_stream), (realv)camera->step_y,
                        (realv)camera->top);
     rayv ray;
-    realv weight = aim_from_retina(camera, pupil, eye_table, gx, gy, u, v, &ray);
+    realv weight = aim_from_retina(camera, pupil, elements, eye_table, gx, gy, u, v, &ray);
     bendsv bends;
     draw_bends(sample, pixel_stream, &bends);
     maskv passed = leave_eye(&ray, sequence, n_elements, eye_table, &bends);

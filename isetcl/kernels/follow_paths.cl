@@ -66,9 +66,8 @@ kernel void follow_paths(
     store_plane(load_lanes(starts, group + 6 * plane), passed, first);
 #else
     startv start;
-    start_group(camera, pupils + band, elements + band * n_elements, n_elements,
-                eye_table, first_pixel + pixel, (uint)band * block + first_sample + (uint)sample,
-                stream, &start);
+    start_group(camera, pupils, elements, n_elements, eye_table, band, first_pixel + pixel,
+                (uint)band * block + first_sample + (uint)sample, stream, &start);
     store_plane(start.ox, origin, first);
     store_plane(start.oy, origin + n_slots, first);
     store_plane(start.oz, origin + 2 * n_slots, first);

@@ -19,8 +19,8 @@ kernel void start_paths(constant camera_t *camera, constant pupil_t *pupils,
   const size_t group = get_global_id(0);
   const uint band = get_global_id(1), bands = get_global_size(1), number = get_global_id(2);
   startv start;
-  start_group(camera, pupils + band, elements + band * n_elements, n_elements, eye_table,
-              (int)(group * WIDTH), band * block + first + number, stream, &start);
+  start_group(camera, pupils, elements, n_elements, eye_table, (int)band, (int)(group * WIDTH),
+              band * block + first + number, stream, &start);
   const size_t at = (((size_t)number * bands + band) * n_padded) / WIDTH + group;
   const size_t plane = (size_t)n_slots / WIDTH;
   store_lanes(start.ox, origin, at);

@@ -110,7 +110,7 @@ class DirectPipeline:
             for band in plan.band_choice.bands
         ]
         packed = add_bends(
-            pack_eye(sequences, "scene", precision),
+            pack_eye([*sequences, *pack.relief_sequence(plan.eye)], "scene", precision),
             sequences,
             plan.eye.stop,
             [band.wavelength_nm for band in plan.band_choice.bands],
@@ -119,7 +119,7 @@ class DirectPipeline:
         )
         indices = np.array([(sequence[-1].n_before, sequence[0].n_after) for sequence in sequences])
         pupils = pack.pack_pupils(plan.pupils, indices, precision)
-        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed.table)
+        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed)
         assert isinstance(plan.images, tuple)
         scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)
         return (

@@ -33,6 +33,7 @@ def eye_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
         | {
             "HAS_ASPHERIC_RETINA": int(config.has_aspheric_retina),
             "HAS_ASYMMETRY": int(config.has_asymmetry),
+            "HAS_RELIEF": int(config.has_relief),
             "HAS_FAR_SIDE": int(config.has_far_side),
             "HAS_SEMI_DIAMETERS": int(config.has_semi_diameters),
             "HAS_DIFFRACTION": int(config.diffraction != "none"),
@@ -57,6 +58,8 @@ class KernelConfig(EyeFeatures):
         The retina is not a sphere, so its normal has to be normalised.
     has_asymmetry
         The eye is no figure of revolution: retina and pupils are functions of two field angles.
+    has_relief
+        A height map lies on the retina.
     has_far_side
         Some ray may cross a surface beyond its equator.
     has_semi_diameters
@@ -76,6 +79,7 @@ class KernelConfig(EyeFeatures):
     n_basis: int = 1
     has_aspheric_retina: bool = True
     has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     diffraction: BendKind = "none"
@@ -152,7 +156,8 @@ class PathConfig(EyeFeatures):
         One kernel follows bundles of paths to their ends, instead of stages over all of them.
     starts_given
         Paths begin with given rays, as those through a pinhole, instead of leaving the eye.
-    has_aspheric_retina, has_asymmetry, has_far_side, has_semi_diameters, diffraction, has_scatter
+    has_aspheric_retina, has_asymmetry, has_relief, has_far_side, has_semi_diameters, diffraction,
+    has_scatter
         As in `KernelConfig`.
     has_flats, has_balls, has_textured_balls, has_triangles, has_instances
         Shapes in the scene; triangles in place, and those of instanced meshes.
@@ -183,6 +188,7 @@ class PathConfig(EyeFeatures):
     starts_given: bool = False
     has_aspheric_retina: bool = True
     has_asymmetry: bool = False
+    has_relief: bool = False
     has_far_side: bool = True
     has_semi_diameters: bool = True
     diffraction: BendKind = "none"

@@ -5,12 +5,16 @@ from __future__ import annotations
 import numpy as np
 
 from isetcl.device.bending import declarations as bend_declarations
+from isetcl.device.elements import PackedEye
 from isetcl.device.elements import declarations as ray_declarations
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.exit_pupil import ExitPupilBound
 from isetcl.eye.exit_pupil_plane import PlanePupilBound
 from isetcl.eye.field_plane import FieldPlane
+from isetcl.eye.model import Eye
 from isetcl.eye.polynomial import MAX_TERMS
+from isetcl.eye.prescription import Element
+from isetcl.eye.retina_form import relief, retina_element
 from isetcl.render.kernel_config import KernelConfig, MaterialKind
 from isetcl.render.sobol import directions
 from isetcl.retina.grid import RetinalGrid
@@ -38,6 +42,7 @@ CAMERA = Struct(
         Member("kappa"),
         Member("plane", "int"),
         Member("degree", "int"),
+        Member("retina", "int"),
         Member("chord", length=MAX_TERMS),
         Member("depth", length=MAX_TERMS),
     ),
@@ -204,20 +209,28 @@ def pack_pupils(
     return records
 
 
+def relief_sequence(eye: Eye) -> list[tuple[Element, ...]]:
+    """The retina as an element of its own, where the kernels have to know its relief."""
+    return [] if relief(eye.retina) is None else [(retina_element(eye.retina),)]
+
+
 def pack_planes(
     grid: RetinalGrid,
     bounds: tuple[ExitPupilBound | PlanePupilBound, ...],
     camera: np.ndarray,
     pupils: np.ndarray,
-    eye_table: np.ndarray,
+    packed: PackedEye,
 ) -> np.ndarray:
     """The table of an eye, and behind it the polynomials of its retina and pupils, if it has any.
 
-    Where they begin is filled into the records of camera and pupils.
+    Where they begin is filled into the records of camera and pupils. The last element is the retina
+    if it has a relief.
     """
     functions = [bound.ellipse for bound in bounds if isinstance(bound, PlanePupilBound)]
+    eye_table = packed.table
     if not functions:
         return eye_table
+    camera["retina"] = len(packed.elements) - 1
     used = len(eye_table)
     parts = [eye_table]
     records = [camera[0], *pupils]

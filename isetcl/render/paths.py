@@ -80,7 +80,7 @@ class PathPipeline:
         sequences = [travel_order(elements(plan.eye, b.wavelength_nm), "scene") for b in bands]
         indices = np.array([(s[-1].n_before, s[0].n_after) for s in sequences])
         packed = add_bends(
-            pack_eye(sequences, "scene", precision),
+            pack_eye([*sequences, *pack.relief_sequence(plan.eye)], "scene", precision),
             sequences,
             plan.eye.stop,
             [band.wavelength_nm for band in plan.band_choice.bands],
@@ -89,7 +89,7 @@ class PathPipeline:
         )
         self._camera = pack.pack_camera(plan.grid, precision)
         pupils = pack.pack_pupils(plan.pupils, indices, precision)
-        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed.table)
+        table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed)
         self._camera_buffer = self._upload(self._camera)
         self._pupils = self._upload(pupils)
         self._elements = self._upload(packed.elements)

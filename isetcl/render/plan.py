@@ -25,6 +25,7 @@ from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.ray_bending import DiffractionChoice
+from isetcl.eye.retina_form import relief
 from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
@@ -384,6 +385,13 @@ def _decide_eye(
             not eye.is_rotational,
             ", ".join(eye.asymmetries()),
             "the eye is a figure of revolution: one field angle tells all",
+        ),
+        "has_relief": left_out(
+            notes,
+            "relief of the retina",
+            relief(eye.retina) is not None,
+            "a height map lies on the retina",
+            "the retina is smooth",
         ),
         "has_far_side": left_out(
             notes,

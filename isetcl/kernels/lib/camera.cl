@@ -7,6 +7,9 @@
  * from -1 to 1 over the image.
  */
 #include "lib/disc.cl"
+#include "lib/height_map.cl"
+#include "lib/placement.cl"
+#include "lib/plane.cl"
 #include "lib/polynomial.cl"
 #include "lib/refraction.cl"
 
@@ -32,11 +35,38 @@ INLINE realv aimed(constant pupil_t *pupil, realv dx, realv dy, realv dz, realv 
 }
 
 #if HAS_ASYMMETRY
-#include "lib/plane.cl"
+#if HAS_RELIEF
+/* add_relief - moves a point of a smooth retina and its unit normal onto the heights that lie on it.
+ *
+ * at   point, mm, and normal, eye frame
+ */
+INLINE void add_relief(constant element_t *retina, global const real *eye_table, realv *at) {
+  realv x = at[0] - retina->decentre_x, y = at[1] - retina->decentre_y;
+  realv z = at[2] - retina->vertex_z;
+  enter_frame(retina, &x, &y, &z);
+  departurev departure;
+  height_map_departure(x, y, retina, eye_table + retina->table, &departure);
+  realv lift_x = (realv)0, lift_y = (realv)0, lift_z = departure.height;
+  leave_frame(retina, &lift_x, &lift_y, &lift_z);
+  at[0] += lift_x;
+  at[1] += lift_y;
+  at[2] += lift_z;
+  realv nx = at[3], ny = at[4], nz = at[5];
+  enter_frame(retina, &nx, &ny, &nz);
+  nx = mul_add(-nz, departure.slope_x, nx);
+  ny = mul_add(-nz, departure.slope_y, ny);
+  const realv inverse = 1 / square_root(mul_add(nx, nx, mul_add(ny, ny, nz * nz)));
+  leave_frame(retina, &nx, &ny, &nz);
+  at[3] = nx * inverse;
+  at[4] = ny * inverse;
+  at[5] = nz * inverse;
+}
+#endif
 
 /* aim_from_retina - a ray from a point of the retina to a point of the exit pupil drawn uniformly
  * in its ellipse.
  *
+ * elements    of all bands; behind them the retina, if it has a relief
  * gx, gy      field angles
  * u, v        point in the unit square
  * eye_table   coefficients of the retina and of every band's ellipse
@@ -44,12 +74,15 @@ INLINE realv aimed(constant pupil_t *pupil, realv dx, realv dy, realv dz, realv 
  * Returns the weight of the sample.
  */
 INLINE realv aim_from_retina(constant camera_t *camera, constant pupil_t *pupil,
-                             global const real *eye_table, realv gx, realv gy, realv u, realv v,
-                             rayv *ray) {
+                             constant element_t *elements, global const real *eye_table, realv gx,
+                             realv gy, realv u, realv v, rayv *ray) {
   realv retina[PLANE_FUNCTIONS], ellipse[PLANE_FUNCTIONS], px, py;
   plane_polynomials(eye_table + camera->plane, camera->degree, gx, gy, retina);
   plane_polynomials(eye_table + pupil->plane, pupil->degree, gx, gy, ellipse);
   concentric_disc(u, v, &px, &py);
+#if HAS_RELIEF
+  add_relief(elements + camera->retina, eye_table, retina);
+#endif
   ray->x = retina[0];
   ray->y = retina[1];
   ray->z = retina[2];
@@ -110,10 +143,11 @@ INLINE realv aim_at_pupil(constant camera_t *camera, constant pupil_t *pupil, re
   return aimed(pupil, dx, dy, dz, area, retinal_cosine(camera, ray, dx, dy, dz), ray);
 }
 
-/* aim_from_retina - as above, of an eye that is a figure of revolution; eye_table is not read. */
+/* aim_from_retina - as above, of an eye that is a figure of revolution, of which the camera knows
+ * all. */
 INLINE realv aim_from_retina(constant camera_t *camera, constant pupil_t *pupil,
-                             global const real *eye_table, realv gx, realv gy, realv u, realv v,
-                             rayv *ray) {
+                             constant element_t *elements, global const real *eye_table, realv gx,
+                             realv gy, realv u, realv v, rayv *ray) {
   realv s = mul_add(gx, gx, gy * gy);
   retinal_point(camera, gx, gy, s, ray);
   return aim_at_pupil(camera, pupil, gx, gy, s, u, v, ray);

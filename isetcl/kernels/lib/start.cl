@@ -11,15 +11,16 @@ typedef struct {
 
 /* start_group - the rays of one sample in WIDTH neighbouring pixels of a tile.
  *
+ * pupils, elements   of all bands
  * first_pixel   number of the first pixel in the tile, row by row
  * sample        number of the sample in its band's part of the sequence
  *
  * Lost rays have weight 0. The same samples as the direct pipeline draws.
  */
-INLINE void start_group(constant camera_t *camera, constant pupil_t *pupil,
+INLINE void start_group(constant camera_t *camera, constant pupil_t *pupils,
                         constant element_t *elements, int n_elements,
-                        global const real *eye_table, int first_pixel, uint sample, uint stream,
-                        startv *start) {
+                        global const real *eye_table, int band, int first_pixel, uint sample,
+                        uint stream, startv *start) {
   intv x;
   intv y = divide(first_pixel + int_from_uint(lane_numbers()), camera->tile_width, &x);
   uintv row = uint_from_int(y) + (uint)camera->tile_y;
@@ -32,11 +33,11 @@ INLINE void start_group(constant camera_t *camera, constant pupil_t *pupil,
   realv gy = mul_add(real_from_int(int_from_uint(row)) + sobol_coordinate(sample, 3, pixel_stream),
                      (realv)camera->step_y, (realv)camera->top);
   rayv ray;
-  realv carried = aim_from_retina(camera, pupil, eye_table, gx, gy, u, v, &ray);
+  realv carried = aim_from_retina(camera, pupils + band, elements, eye_table, gx, gy, u, v, &ray);
   bendsv bends;
   draw_bends(sample, pixel_stream, &bends);
-  maskv passed = leave_eye(&ray, elements, n_elements, eye_table, &bends);
-  const real scale = pupil->inverse_object_index;
+  maskv passed = leave_eye(&ray, elements + band * n_elements, n_elements, eye_table, &bends);
+  const real scale = pupils[band].inverse_object_index;
   start->ox = passed ? ray.x * R(1e-3) : (realv)0;
   start->oy = passed ? ray.y * R(1e-3) : (realv)0;
   start->oz = passed ? ray.z * R(1e-3) : (realv)0;
