@@ -16,7 +16,7 @@ from isetcl.psf_baseline.slicing import closed
 from isetcl.psf_baseline.view import Layer
 
 RADIUS_MM = 1e3 * np.pi / 180.0
-"""With this pupil radius a dioptre of defocus is a blur circle of one degree, one sample, radius."""
+"""With this pupil radius the blur circle of a dioptre has a radius of a degree, a sample."""
 
 
 def disc(radius, fineness=16):

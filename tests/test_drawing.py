@@ -103,6 +103,14 @@ def test_fans_and_spots_of_other_wavelengths_are_displaced_by_the_transverse_abe
     np.testing.assert_array_equal(green.y_arcmin, eye.spot(10.0, 550.0, rings=9).y_arcmin)
 
 
+def test_a_spot_needs_spokes_enough_for_the_map_of_its_pupil(eye):
+    # 8 rings have 24 spokes, between which cos(12 phi) vanishes: no fit of degree 12.
+    few, many = eye.spot(5.0, rings=9), eye.spot(5.0, rings=24)
+    assert few.rms_arcmin == pytest.approx(many.rms_arcmin, rel=1e-6)
+    with pytest.raises(ic.InvalidInputError, match="rings must be between 9 and 400"):
+        eye.spot(5.0, rings=8)
+
+
 def test_spot_diagrams_have_a_panel_for_each_field_on_one_scale(eye):
     figure = eye.plot_spots((0.0, 8.0), (500.0, 600.0), Figure())
     assert len(figure.axes) == 2

@@ -92,8 +92,9 @@ class FieldPlane:
         self.max_field_deg = _least_reach(rim)
         used[0, 1:] = False  # the middle of the fan once
         table = launch[used]
-        self._launch_of_field = _Guesses(field[used], table)
-        self._launch_of_point = _Guesses(seen[used], table)
+        # Newton's method finds launches of a field from afar, those of a retinal point it does not.
+        self._launch_of_field = _Guesses(field[used], table, _FEW)
+        self._launch_of_point = _Guesses(seen[used], table, 0)
 
     def retinal_point_mm(self, x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
         """Point on the retina that receives the direction (x_deg, y_deg), mm, shape (..., 3)."""
@@ -284,18 +285,18 @@ def _from_angles(launch: np.ndarray) -> np.ndarray:
 class _Guesses:
     """First guesses from a table: linear between its points, beyond them the nearest one's.
 
-    A few guesses are always the nearest point's: joining the points to triangles takes longer than
-    some more steps of Newton's method.
+    Up to `few` guesses are always the nearest point's: joining the points to triangles takes longer
+    than some more steps of Newton's method.
     """
 
-    def __init__(self, points: np.ndarray, values: np.ndarray) -> None:
-        self._points, self._values = points, values
+    def __init__(self, points: np.ndarray, values: np.ndarray, few: int) -> None:
+        self._points, self._values, self._few = points, values, few
 
     def __call__(self, at: np.ndarray) -> np.ndarray:
         from scipy.spatial import cKDTree
 
         found = np.full(at.shape, np.nan)
-        if len(at) > _FEW:
+        if len(at) > self._few:
             found = np.asarray(self._triangles(at), dtype=np.float64)
         beyond = ~np.isfinite(found).all(axis=1)
         if beyond.any():

@@ -96,7 +96,7 @@ def spot(
     field_deg, wavelength_nm, object_distance_m, scale_wavelength_nm
         As in `Eye.wavefront`.
     rings
-        Rings of rays; each has 2 rings + 8 rays.
+        Rings of rays, 9 to 400; each has 2 rings + 8 rays.
 
     Raises
     ------

@@ -131,11 +131,10 @@ def _fill(
     name: str,
     compute: Callable[[float], np.ndarray],
 ) -> None:
-    """Both sections of a light and a model."""
-    for section, orientation in SECTIONS.items():
-        try:
-            columns[f"{name}_{section}"] = compute(orientation)
-        except IsetclError as error:
-            refused[name] = str(error)
-            columns.pop(f"{name}_tangential", None)
-            return
+    """Both sections of a light and a model, or neither."""
+    try:
+        both = {section: compute(orientation) for section, orientation in SECTIONS.items()}
+    except IsetclError as error:
+        refused[name] = str(error)
+        return
+    columns.update({f"{name}_{section}": values for section, values in both.items()})

@@ -121,10 +121,6 @@ class SpectralBlur:
         columns, rows = self._pupil.x_deg / self._pitch_deg, -self._pupil.y_deg / self._pitch_deg
         return columns, rows, self._pupil.weights
 
-    def spectrum(self, planes: np.ndarray) -> np.ndarray:
-        """See `Blur`."""
-        return np.asarray(fft.rfft2(planes, self._spectra.size, workers=_WORKERS))
-
     def image(self, spectrum: np.ndarray) -> np.ndarray:
         """See `Blur`."""
         rows, columns = self._spectra.layers[0].coverage.shape
@@ -139,10 +135,6 @@ class SpectralBlur:
         """See `Blur`."""
         return self._spectra.coverage(layer)
 
-    def transfer(self, layer: int) -> np.ndarray:
-        """See `Blur`."""
-        return self._transfer[layer]
-
     def points_transfer(
         self, columns: np.ndarray, rows: np.ndarray, weights: np.ndarray
     ) -> np.ndarray:
@@ -155,7 +147,8 @@ class SpectralBlur:
             for across, share_x in ((0, 1.0 - right), (1, right)):
                 place = (top + down) % height * width + (left + across) % width
                 np.add.at(kernel, place, weights * share_x * share_y)
-        return self.spectrum(kernel.reshape(height, width).astype(np.float32))
+        image = kernel.reshape(height, width).astype(np.float32)
+        return np.asarray(fft.rfft2(image, workers=_WORKERS))
 
     def _transform(self, psf: Psf) -> np.ndarray:
         """Transform of a PSF with its middle at the origin."""

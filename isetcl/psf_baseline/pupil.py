@@ -15,8 +15,8 @@ import numpy as np
 
 from isetcl.errors import (
     InvalidInputError,
-    check_array,
     check_count,
+    check_finite,
     check_pair,
     check_positive,
     check_type,
@@ -92,7 +92,7 @@ def pupil_offsets(
     """
     check_type("eye", eye, Eye)
     check_positive("wavelength_nm", wavelength_nm, "nm")
-    verges = check_array("vergences_dpt", list(vergences_dpt))
+    verges = np.array([check_finite("vergences_dpt", v, "dpt") for v in vergences_dpt])
     field = check_pair("field_deg", field_deg, "deg")
     unit = _cells(samples, rays_per_sample)
     tracer = _Tracer(eye, wavelength_nm, field)
@@ -136,7 +136,7 @@ def thin_lens_offsets(
         As in `pupil_offsets`.
     """
     check_positive("pupil_radius_mm", pupil_radius_mm, "mm")
-    defocus = check_array("defocus_dpt", list(defocus_dpt))
+    defocus = np.array([check_finite("defocus_dpt", d, "dpt") for d in defocus_dpt])
     unit = _cells(samples, rays_per_sample)
     points = unit * pupil_radius_mm
     x, y = (
@@ -158,7 +158,7 @@ def _cells(samples: int, rays_per_sample: int) -> np.ndarray:
         across, along = np.array([0.5]), np.array([0.5])
     else:
         i = np.arange(rays)
-        across, along = (i + 0.5) / rays, (i * _GOLDEN + 0.5 / rays) % 1.0
+        across, along = (i * _GOLDEN + 0.5 / rays) % 1.0, (i + 0.5) / rays
     cells = []
     for ring, (count, end) in enumerate(zip(counts, ends, strict=True)):
         for sector in range(count):

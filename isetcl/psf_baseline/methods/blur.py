@@ -46,9 +46,6 @@ class Blur(Protocol):
             Their sum is 1.
         """
 
-    def spectrum(self, planes: np.ndarray) -> np.ndarray:
-        """Transform of images (..., rows, columns)."""
-
     def image(self, spectrum: np.ndarray) -> np.ndarray:
         """The images of a transform."""
 
@@ -57,9 +54,6 @@ class Blur(Protocol):
 
     def coverage_spectrum(self, layer: int) -> np.ndarray:
         """Transform of m_k."""
-
-    def transfer(self, layer: int) -> np.ndarray:
-        """Transform of P_k."""
 
     def points_transfer(
         self, columns: np.ndarray, rows: np.ndarray, weights: np.ndarray
