@@ -120,7 +120,7 @@ def _model(
 ) -> tuple[Eye, float]:
     """The eye of a name or a file, accommodated, and the distance of its object in metres."""
     from isetcl.eye import catalog
-    from isetcl.eye.files.load import SUFFIXES, load_eye
+    from isetcl.eye.files.load import load_eye
 
     focus = cli_scene.vergence(accommodation)
     if focus == "centre":
@@ -129,7 +129,7 @@ def _model(
         )
     wanted = None if isinstance(focus, str) else focus
     path = Path(name)
-    if path.suffix.lower() in SUFFIXES:
+    if path.suffix.lower() in catalog.FILE_SUFFIXES:
         model = load_eye(path, pupil_diameter_mm=pupil)
         if wanted is not None:
             model = model.focus_at(1.0 / wanted if wanted else math.inf)
