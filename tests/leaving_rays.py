@@ -101,7 +101,7 @@ def leave(
     camera["tile_width"] = PIXELS
     indices = np.array([(sequence[-1].n_before, sequence[0].n_after)])
     pupils = pack.pack_pupils(prepared.pupils, indices, precision)
-    table = pack.pack_planes(prepared.grid, prepared.pupils, camera, pupils, packed.table)
+    table = pack.pack_planes(prepared.grid, prepared.pupils, camera, pupils, packed)
     real = real_dtype(precision)
     flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
     upload = [

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array
+from isetcl.eye.blocked import blocked
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import ElementKind, elements
 from isetcl.eye.sequential import trace_elements
@@ -149,10 +150,7 @@ def field_map(eye: Eye, wavelength_nm: float) -> FieldMap:
     out = trace_elements(tuple(refracting[:stop][::-1]), origins, -directions, "scene")
     count = _leading(onto.passed & out.passed)
     if count < 8:
-        raise InvalidInputError(
-            f"eye {eye.name!r}: chief rays at {wavelength_nm:g} nm do not cross the eye; "
-            "check the order and the semi-diameters of its surfaces"
-        )
+        raise blocked(eye.name, wavelength_nm, onto, out)
     retina, leaving, exit_point = onto.positions_mm, out.directions, out.positions_mm
     field = np.degrees(np.arctan2(-leaving[:, 1], -leaving[:, 2]))
     count = min(count, _leading(np.diff(field, prepend=-1.0) > 0))

@@ -271,7 +271,8 @@ class _Form:
         length = np.where(missed, to_plane, length)
         for _ in range(_NEWTON_STEPS):
             value, gradient = self._implicit(start + length[:, None] * heading)
-            step = value / (2.0 * np.einsum("ij,ij->i", gradient, heading))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                step = value / (2.0 * np.einsum("ij,ij->i", gradient, heading))
             step = np.where(np.isfinite(step), step, 0.0)
             length = length + np.clip(step, -_LONGEST_STEP_MM, _LONGEST_STEP_MM)
             if np.max(np.abs(step), initial=0.0) < _LANDED_MM:
