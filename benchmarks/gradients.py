@@ -151,6 +151,8 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=31)
     rounds = parser.parse_args().rounds
     record = {
+        "command": "python benchmarks/gradients.py",
+        "rounds": rounds,
         "trace_rays": {p: time_traces(p, rounds) for p in ("single", "double")},
         "direct": {"single": time_pipelines("single", max(5, rounds // 3))},
         "steps": {p: work_and_precision(p, max(5, rounds // 5)) for p in ("single", "double")},
