@@ -1,11 +1,11 @@
 /* gradient.cl - rays through lenses whose index changes from place to place.
  *
- * Ray equation in t with ds = n dt:  R'' = grad(n^2) / 2,  T = R' = n times the unit direction, which
- * is the state of a ray everywhere in the eye.  Source: Sharma, Kumar & Ghatak 1982, Appl Opt 21:984.
+ * Ray equation in t with ds = n dt:  R'' = grad(n^2) / 2,  T = R' = n times the unit direction: the
+ * state of a ray everywhere in the eye.  Source: Sharma, Kumar & Ghatak 1982, Appl Opt 21:984.
  *
  * A profile in the eye's table is GRADIENT_FRAME reals (the vertex of its frame from that of the
- * element; its three axes; 1 for shells) and its numbers: c[i][j] of z^i r^2j, GRADIENT_ROW a row; or
- * core, core - edge, centre, 1 / semi_z^2, 1 / semi_r^2, power - 1.
+ * element; its three axes; 1 for shells) and its numbers: c[i][j] of z^i r^2j, GRADIENT_ROW a row;
+ * or core, core - edge, centre, 1 / semi_z^2, 1 / semi_r^2, power - 1.
  */
 #include "lib/crossing.cl"
 #if HAS_GRADIENTS
@@ -229,8 +229,8 @@ INLINE maskv approach_element(rayv *ray, constant element_t *element,
  * The straight way to the element is the length of t to integrate; what is left of the way is gone
  * the same way with fewer steps, then in a short step, then straight.
  *
- * As cross_element. A ray that does not get there becomes NaN. at->path is the optical path length over the square
- * of the index at the element's vertex (HAS_OPL).
+ * As cross_element. A ray that does not get there becomes NaN. at->path is the optical path length
+ * over the square of the index at the element's vertex (HAS_OPL).
  */
 INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const real *eye_table,
                             real sense, int far_side, crossingv *at) {
@@ -278,7 +278,7 @@ INLINE realv squared_index_after(const rayv *ray, constant element_t *element,
 }
 #endif
 
-/* arrive - moves rays to the next element through whatever lies in front of it. As cross_element. */
+/* arrive - as cross_element, through whatever medium lies in front of the element. */
 INLINE maskv arrive(rayv *ray, constant element_t *element, global const real *eye_table,
                     real sense, int far_side, crossingv *at) {
 #if HAS_GRADIENTS
