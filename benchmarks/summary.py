@@ -193,6 +193,40 @@ def huygens() -> str:
     return "\n\n".join(parts)
 
 
+def gradients() -> str:
+    record = load("gradients")
+    parts = [
+        "## Gradient-index lenses\n\n" + where(record),
+        "Nanoseconds a ray, medians, and how many times the Navarro eye's that is: `trace_rays` in "
+        "both precisions, and the direct pipeline with one uniform plane. Shells have the index "
+        "1.415 - 0.045 (zeta^2)^power.",
+    ]
+    kinds = (
+        ("trace_rays, single", record["trace_rays"]["single"]),
+        ("trace_rays, double", record["trace_rays"]["double"]),
+        ("direct, single", record["direct"]["single"]),
+    )
+    rows = [
+        (eye, *(value for _, of in kinds for value in (of[eye]["ns_median"],
+                                                       of[eye]["times_navarro_median"])))
+        for eye in kinds[0][1]
+    ]  # fmt: skip
+    head = ("eye", *(cell for name, _ in kinds for cell in (name, "times Navarro")))
+    parts.append(table(head, rows))
+    parts.append(
+        "Largest error on the retina of rays over a 3.2 mm pupil, um, against steps through each "
+        "half of the lens."
+    )
+    lenses = [(p, eye) for p, of in record["steps"].items() for eye in of]
+    steps = [row["steps"] for row in record["steps"]["double"]["liou_brennan"]]
+    errors = [
+        (n, *(record["steps"][p][eye][i]["error_um"] for p, eye in lenses))
+        for i, n in enumerate(steps)
+    ]
+    parts.append(table(("steps", *(f"{eye}, {p}" for p, eye in lenses)), errors))
+    return "\n\n".join(parts)
+
+
 def startup() -> str:
     record = load("startup")
     rows = [
@@ -272,6 +306,7 @@ def page() -> str:
         paths,
         path_features,
         huygens,
+        gradients,
         startup,
         paper_scene,
         convergence,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.device.eye_features import EyeFeatures, ShapeKind, shape_kind
-from isetcl.device.gradients import kernel_steps, landing_steps, profile_numbers
+from isetcl.device.gradients import kernel_steps, landing_rounds, landing_steps, profile_numbers
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.rays import RayStatus
@@ -31,6 +31,7 @@ ELEMENT = Struct(
         Member("gradient_incident", "int"),
         Member("gradient_transmitted", "int"),
         Member("gradient_steps", "int"),
+        Member("gradient_rounds", "int"),
         Member("gradient_landing", "int"),
         Member("vertex_z"),
         Member("curvature"),
@@ -207,7 +208,8 @@ def _fill_gradients(
             record[f"gradient_{side}"] = table.place(numbers, numbers)
     if inside is not None:
         record["gradient_steps"] = kernel_steps(inside, precision)
-        record["gradient_landing"] = landing_steps(int(record["gradient_steps"]), precision)
+        record["gradient_rounds"] = landing_rounds(inside, precision)
+        record["gradient_landing"] = landing_steps(int(record["gradient_steps"]))
 
 
 def _fill_shape(record: np.void, element: Element, precision: Precision, table: _Table) -> None:
