@@ -1,4 +1,4 @@
-"""The command line: `isetcl compare`, `isetcl render`, `isetcl devices`, `isetcl info`."""
+"""The command line: `isetcl compare`, `render`, `eye`, `mtf`, `devices`, `info`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from isetcl.cli_eye import eye as eye_command
+from isetcl.cli_eye import mtf
 from isetcl.cli_render import INTERRUPTED, render
 from isetcl.errors import InvalidInputError, IsetclError
 
@@ -36,7 +38,9 @@ def compare(
     far_image: Annotated[Path | None, typer.Option(help="Photograph for the far plane.")] = None,
     near: Annotated[float, typer.Option(help="Distance of the near plane, metres.")] = 0.5,
     far: Annotated[float, typer.Option(help="Distance of the far plane, metres.")] = 2.0,
-    eye: Annotated[str, typer.Option(help="Model eye: navarro, arizona or legrand.")] = "navarro",
+    eye: Annotated[
+        str, typer.Option(help="Model eye (navarro, arizona, atchison ...) or its file.")
+    ] = "navarro",
     pupil: Annotated[float, typer.Option(help="Diameter of the stop (iris), mm.")] = 4.0,
     accommodation: Annotated[
         str,
@@ -109,6 +113,8 @@ def compare(
 
 
 app.command()(render)
+app.command()(eye_command)
+app.command()(mtf)
 
 
 @app.command()

@@ -44,8 +44,8 @@ _TIME_HELP = (
     "after 60 s)."
 )
 _DIFFRACTION_HELP = (
-    "At the stop: none, airy (the exact pattern), hurb, iset3d (the paper's HURB), or auto (airy "
-    "where it can be seen)."
+    "At the stop: none, airy (the exact pattern), hurb, iset3d (the paper's HURB), or auto (what "
+    "comes nearest, where it can be seen)."
 )
 _SCATTER_HELP = (
     "Add the light scattered in an eye of this age, years, after the CIE general glare function."
@@ -58,7 +58,9 @@ _SKY_HELP = (
 
 def render(
     scene: Annotated[str, typer.Argument(metavar="SCENE", help=_SCENE_HELP)],
-    eye: Annotated[str, typer.Option(help="Model eye: navarro, arizona or legrand.")] = "navarro",
+    eye: Annotated[
+        str, typer.Option(help="Model eye (navarro, arizona, atchison ...) or its file.")
+    ] = "navarro",
     pupil: Annotated[float, typer.Option(help="Diameter of the stop (iris), mm.")] = 4.0,
     accommodation: Annotated[str, typer.Option(help=_FOCUS_HELP)] = "centre",
     fov: Annotated[float | None, typer.Option(help=_FOV_HELP)] = None,

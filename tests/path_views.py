@@ -17,10 +17,13 @@ DARK = ic.Emission(ic.Spectrum.constant(0.0))
 EYE = ic.eyes.navarro(3.0)
 PINHOLE = ic.eyes.navarro(0.05)
 ONE = {"wavelengths_nm": [550.0], "bands": 1}
+_LEFT_OUT = ("has_far_side", "has_semi_diameters", "has_real_powers")
 EVERYTHING = {
     field.name: True
     for field in dataclasses.fields(PathConfig)
-    if field.name.startswith("has_") and field.name not in ("has_far_side", "has_semi_diameters")
+    if field.name.startswith("has_")
+    and field.name not in _LEFT_OUT
+    and not field.name.endswith("_gradients")
 } | {"combined_depth": 2}
 """Changes of a configuration that compile all features in, so that scenes share one kernel."""
 

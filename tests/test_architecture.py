@@ -24,7 +24,8 @@ ORDER = (
     {"plots"},
     {"report"},
     {"distributed"},
-    {"cli_scene"},
+    {"cli_scene", "cli_tables"},
+    {"cli_eye"},
     {"cli_render"},
     {"cli"},
 )

@@ -103,6 +103,14 @@ def test_fans_and_spots_of_other_wavelengths_are_displaced_by_the_transverse_abe
     np.testing.assert_array_equal(green.y_arcmin, eye.spot(10.0, 550.0, rings=9).y_arcmin)
 
 
+def test_a_spot_needs_spokes_enough_for_the_map_of_its_pupil(eye):
+    # 8 rings have 24 spokes, between which cos(12 phi) vanishes: no fit of degree 12.
+    few, many = eye.spot(5.0, rings=9), eye.spot(5.0, rings=24)
+    assert few.rms_arcmin == pytest.approx(many.rms_arcmin, rel=1e-6)
+    with pytest.raises(ic.InvalidInputError, match="rings must be between 9 and 400"):
+        eye.spot(5.0, rings=8)
+
+
 def test_spot_diagrams_have_a_panel_for_each_field_on_one_scale(eye):
     figure = eye.plot_spots((0.0, 8.0), (500.0, 600.0), Figure())
     assert len(figure.axes) == 2
@@ -173,12 +181,12 @@ def test_a_logarithmic_psf_ends_at_its_decades(eye):
 
 def test_through_focus_is_best_at_the_best_focus(axes, eye):
     grid = np.linspace(-0.4, 0.8, 13)
-    eye.plot_through_focus(grid, "mtf", axes)
+    eye.plot_through_focus(grid, "rms", axes)
     curve, mark = axes.lines
     values, best = curve.get_ydata(), mark.get_xdata()[0]
-    assert best == pytest.approx(grid[np.argmax(values)], abs=0.1)
-    assert eye.through_focus([best], "mtf")[0] >= np.max(values)
-    assert axes.get_ylabel() == "MTF at 10 cycles/degree"
+    assert best == pytest.approx(grid[np.argmin(values)], abs=0.1)
+    assert eye.through_focus([best], "rms")[0] <= np.min(values)
+    assert axes.get_ylabel() == "RMS wavefront error (µm)"
 
 
 def test_through_focus_takes_the_samples_that_its_defocus_needs(eye):
@@ -225,8 +233,11 @@ def test_all_pictures_together_say_what_cannot_be_drawn(eye):
     assert "section" in overview.names()
     figure = Figure()
     assert overview.draw_or_say("lca", figure) is None
-    far = Overview(eye, (0.0, 170.0))
-    reason = far.draw_or_say("mtf", figure)
+    # One field angle of two is left out by name; without any there is only the reason.
+    assert Overview(eye, (0.0, 170.0)).draw_or_say("mtf", figure) is None
+    assert "left out: 170°" in figure.get_suptitle()
+    assert len(figure.axes[-1].lines) == 3
+    reason = Overview(eye, (170.0,)).draw_or_say("mtf", figure)
     assert "field angle must be at most" in reason
     assert "field angle" in figure.axes[0].texts[0].get_text()
     with pytest.raises(ic.InvalidInputError, match="unknown picture"):

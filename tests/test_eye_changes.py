@@ -92,6 +92,15 @@ def test_a_shallow_chamber_raises_transverse_colour_as_an_independent_tracer_fin
         assert ends[1, 1] - ends[0, 1] == pytest.approx(arcmin, abs=0.01)
 
 
+def test_a_lens_close_to_the_cornea_is_cut_at_its_rim_and_still_accommodates():
+    eye = ic.eyes.navarro(2.0).with_anterior_chamber_depth(1.9)
+    assert 4.0 < eye.surfaces[2].semi_diameter_mm < 5.2
+    # The relaxed eye of a lens moved forwards is myopic, and near objects can be focused.
+    assert object_vergence_dpt(eye, 550.0) > 1.0
+    near = eye.focus_at(0.2, criterion="paraxial")
+    assert object_vergence_dpt(near, 550.0) == pytest.approx(5.0, abs=1e-7)
+
+
 def test_an_entrance_pupil_set_last_has_its_diameter_behind_a_new_cornea():
     eye = ic.eyes.navarro(3.0, pupil_plane="entrance").with_cornea(front_radius_mm=7.0)
     assert eye.entrance_pupil().diameter_mm > 3.01

@@ -85,6 +85,17 @@ def test_every_kind_of_part_is_written_with_every_digit():
     assert json.loads(json.dumps(eye.describe()))["retina"]["shape"]["kind"] == "Biconic"
 
 
+def test_an_eye_of_a_file_can_be_named_like_a_model_eye(tmp_path):
+    file = tmp_path / "mine.JSON"
+    ic.eyes.navarro(3.0).with_axial_length(24.2).to_json(file)
+    eye = ic.eyes.by_name(str(file), 2.0)
+    assert (eye.stop.diameter_mm, eye.axial_length_mm) == pytest.approx((2.0, 24.2))
+    near = ic.eyes.by_name(str(file), 2.0, 4.0)
+    assert near.focus_vergence_dpt() == pytest.approx(4.0, abs=1e-6)
+    with pytest.raises(ic.FileError, match="does not exist"):
+        ic.eyes.by_name("none.json")
+
+
 def edited(change):
     """The JSON of Navarro's eye after a change of its document."""
     document = json.loads(ic.eyes.navarro(3.0).to_json())
@@ -201,6 +212,11 @@ def test_a_zemax_eye_can_be_changed_and_given_another_pupil(tmp_path):
     assert ic.load_eye(file, media={"Lens Front": lens}).surfaces[2].medium_after == lens
 
 
+def test_an_absurd_automatic_semi_diameter_is_cut_to_what_exists(tmp_path):
+    file = written(tmp_path, NAVARRO.replace("DIAM 1.2 0", "DIAM 1e9 0"))
+    assert 4.5 < ic.load_eye(file).surfaces[1].semi_diameter_mm < 6.5
+
+
 def test_lengths_in_centimetres_become_millimetres(tmp_path):
     eye = ic.load_eye(written(tmp_path, TILTED))
     assert [s.vertex_z_mm for s in eye.surfaces[:2]] == pytest.approx([0.0, 0.5])
@@ -229,6 +245,21 @@ def test_noll_s_terms_become_the_same_polynomials(tmp_path):
     radius = 10.0 / 1.5
     sphere = radius - math.sqrt(radius**2 - x * x - y * y)
     assert float(surface.sag_mm(x, y)) == pytest.approx(sphere + terms, abs=1e-12)
+
+
+def test_even_powers_beside_noll_s_terms_are_added(tmp_path):
+    powers = "  PARM 1 0.02\n  PARM 3 -0.3\n  XDAT 1 8 0 0 0\n"
+    surface = ic.load_eye(written(tmp_path, TILTED)).surfaces[1]
+    text = TILTED.replace("  XDAT 1 8 0 0 0\n", powers)
+    both = ic.load_eye(written(tmp_path, text)).surfaces[1]
+    x, y = 1.3, -0.7
+    rho = math.hypot(x, y) / 10.0  # cm
+    expected = 10.0 * (0.02 * rho**2 - 0.3 * rho**6)
+    assert float(both.sag_mm(x, y) - surface.sag_mm(x, y)) == pytest.approx(expected, rel=1e-9)
+    alone = text.replace("XDAT 7 ", "XDAT 77 ").replace("XDAT 8 ", "XDAT 78 ")
+    alone = alone.replace("XDAT 10 ", "XDAT 79 ")
+    shape = ic.load_eye(written(tmp_path, alone)).surfaces[1].shape
+    assert shape.coefficients[:3] == pytest.approx((0.002, 0.0, -0.3e-5))
 
 
 def zemax_frame(point, shift, angles_deg):
@@ -311,6 +342,18 @@ def test_toric_and_biconic_surfaces_and_an_oval_stop_are_read(tmp_path):
     assert eye.stop == ic.Stop(eye.stop.z_mm, 2.8, minor_diameter_mm=2.0, axis_deg=90.0)
 
 
+def test_a_glass_can_be_picked_up_from_an_earlier_surface(tmp_path):
+    # The stop repeats the aqueous of surface 2; values behind a pickup are placeholders.
+    text = NAVARRO.replace(
+        '  CURV 0.0 0 0 0 0 ""\n  DISZ 0\n  GLAS ___BLANK 1 0 1.33745 48.50',
+        '  CURV 0.0 0 0 0 0 ""\n  DISZ 0\n  GLAS ___BLANK 2 2 1.5 40',
+    )
+    assert "___BLANK 2 2" in text
+    assert ic.load_eye(written(tmp_path, text)) == ic.load_eye(written(tmp_path, NAVARRO))
+    with pytest.raises(ic.FileError, match="must be picked up from an earlier surface, got '9'"):
+        ic.load_eye(written(tmp_path, text.replace("___BLANK 2 2", "___BLANK 2 9")))
+
+
 def swap(old, new, count=1):
     assert old in NAVARRO
     return NAVARRO.replace(old, new, count)
@@ -346,19 +389,32 @@ def swap(old, new, count=1):
             ),
             "as its 4th and 5th",
         ),
-        (swap("___BLANK 1 0 1.42011 46.38", "___BLANK 1 0 0.5 46"), "n_d must be >= 1"),
+        (
+            swap("___BLANK 1 0 1.42011 46.38", "___BLANK 1 0 0.5 46"),
+            r"index of a model glass \(line 44\) must lie between 1 and 5",
+        ),
+        (swap("1.42011 46.38", "1.42011 1e-320"), "Abbe number .line 44. must lie between 5 and"),
         (swap("CURV -8.33", "CURV 8.33"), "surface 6.*curvature must be <= 0"),
         (
             swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE TOROIDAL\n  PARM 2 1e-3\n  CURV 1.53"),
             "surface 2 .TOROIDAL.*no polynomial",
         ),
         (
-            swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE SZERNSAG\n  PARM 2 1e-3\n  CURV 1.53"),
-            "no even powers",
+            swap(
+                "  TYPE STANDARD\n  CURV 1.53",
+                "  TYPE SZERNSAG\n  PARM 6 1e-9\n  XDAT 1 4\n  XDAT 2 3\n  XDAT 6 1e-3\n"
+                "  CURV 1.53",
+            ),
+            r"no even powers beyond rho\^10 \(PARM 5\)",
         ),
         (
             swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE SZERNSAG\n  XDAT 1 4\n  XDAT 3 1\n"),
             "radius_mm must be > 0",
+        ),
+        (swap("  CURV 9.8", "  PARM 3 -1e300\n  CURV 9.8"), "line 41: PARM must be > -1e"),
+        (
+            swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE SZERNSAG\n  XDAT 1 1e9\n  XDAT 99 1\n"),
+            "at most 66 terms",
         ),
         (swap("  STOP\n  TYPE STANDARD\n  CURV 0.0", "  STOP\n  CURV 0.1"), "must be plane"),
     ],
@@ -409,6 +465,7 @@ def test_an_iset3d_lens_file_is_read_with_its_tables_of_indices(tmp_path):
         (ISET3D.replace("-7.72", "-7.7a"), "line 4: must be numbers"),
         (ISET3D.replace("0.55", "-0.55"), "line 4: thickness must be >= 0"),
         (ISET3D.replace("0\t0\t0\t2\t2\t0\t0\n", ""), "got 0 stops in 4 rows"),
+        (ISET3D.replace("0.55\t1", "0.55\t7"), "line 4: must be 7 numbers .*from 0 to 6"),
         (ISET3D.replace("4.82", "9.0"), "line 4: .*semi_diameter_mm"),
         (ISET3D.replace("\t1\t4.82", "\t6\t4.82"), "line 4: medium 6 must have one table ior6"),
     ],

@@ -79,6 +79,14 @@ def test_ijspeerts_function_holds_all_light_and_has_its_own_mtf(age, m, pupil):
         assert hankel(psf, frequency, edges) == pytest.approx(expected, abs=2e-4)
 
 
+def test_ijspeerts_terms_have_their_values():
+    # Age 70 doubles the age factor, 3.2 mm halves the small-angle share; worked out by hand from
+    # the paper's expressions for m = 0.142.
+    share, width = glare.ijspeert_terms(70.0, 0.142, 3.2)
+    assert share == pytest.approx([0.375656, 0.375656, 0.036438, 0.212249], abs=2e-6)
+    assert width == pytest.approx([8.14194e-5, 1.332795e-3, 0.0624220, 1.0], rel=1e-5)
+
+
 @pytest.mark.parametrize("model", MODELS)
 def test_the_veil_is_the_glare_function_beyond_its_window(model):
     own = getattr(glare, model.function)
@@ -86,10 +94,10 @@ def test_the_veil_is_the_glare_function_beyond_its_window(model):
     expected = own(angle, model.age_years, model.pigmentation)
     assert model.psf_per_sr(angle) == pytest.approx(expected)
     assert np.all(model.psf_per_sr(np.array([0.0, 0.05, 0.1, 90.1])) == 0.0)
-    # Half way up in log angle.
-    middle = math.sqrt(0.1)
-    half = own(middle, model.age_years, model.pigmentation) / 2.0
-    assert float(model.psf_per_sr(middle)) == pytest.approx(float(half))
+    # A quarter and half of the way up in log angle: s^2 (3 - 2 s) is 5/32 and 1/2.
+    for place, share in ((0.1**0.75, 5.0 / 32.0), (0.1**0.5, 0.5)):
+        whole = float(own(place, model.age_years, model.pigmentation))
+        assert float(model.psf_per_sr(place)) == pytest.approx(share * whole)
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -92,6 +92,9 @@ def test_interferometric_and_double_pass_mtfs_have_their_values():
     assert outer[1] < between < outer[0]
     corner = 16.6 - 1.49 * 3.0
     assert float(human_mtf.rovamo_1998_mtf(corner, 3.0)) == pytest.approx(math.exp(-1.0))
+    # n = exp(0.28 - 0.318) = 0.96271, 2^n = 1.94897.
+    found = float(human_mtf.rovamo_1998_mtf(2.0 * corner, 3.0))
+    assert found == pytest.approx(math.exp(-1.94897), rel=1e-4)
 
 
 @pytest.mark.parametrize("formula", ["geisler_1984", "davila_geisler_1991"])
@@ -144,6 +147,17 @@ def test_a_virtual_eye_has_the_mtf_of_the_eye_its_coefficients_come_from():
     assert virtual.rms_um == pytest.approx(front.rms_um, rel=0.01)
 
 
+def test_a_virtual_eye_has_the_psf_of_the_eye_its_coefficients_come_from():
+    # Off axis, where coma and oblique astigmatism tell up from down and left from right.
+    front = ic.eyes.navarro(4.0).wavefront(field_deg=(9.0, 5.0), samples=64)
+    real = front.psf(12.0, 48).relative
+    virtual = wavefront_of(front.zernike(8)).psf(12.0, 48).relative
+    largest = real.max()
+    assert np.max(np.abs(virtual - real)) < 0.06 * largest
+    for turned in (real[::-1], real[:, ::-1], real[::-1, ::-1], real.T):
+        assert np.max(np.abs(turned - real)) > 0.15 * largest
+
+
 def test_the_rms_of_a_virtual_eye_is_that_of_its_coefficients():
     fit = from_sparse({(2, -2): 0.1, (3, 1): 0.2, (4, 0): -0.15, (1, 1): 3.0}, 2.5, 600.0)
     front = wavefront_of(fit, samples=128)
@@ -156,13 +170,14 @@ def test_the_rms_of_a_virtual_eye_is_that_of_its_coefficients():
 def test_virtual_eyes_defocus_in_blue_light():
     # Thibos et al. 1992: 1.7174 dpt between 589 and 400 nm.
     assert float(chromatic_difference_dpt(400.0)) == pytest.approx(-1.7174, abs=5e-5)
-    flat = ZernikeFit(np.zeros(6), 1.5, 550.0)
+    myopic = from_sparse({(2, 0): 0.1}, 1.5, 550.0)
     cpd = np.array([2.0, 5.0, 10.0])
-    found = radial_mtf(flat, cpd, wavelengths_nm=[450.0], focus_nm=560.0)
+    found = radial_mtf(myopic, cpd, wavelengths_nm=[450.0], focus_nm=560.0, samples=64)
     # The same defocus as a coefficient: M r^2 / (4 sqrt 3), positive for a myopic eye.
     blur = float(chromatic_difference_dpt(560.0) - chromatic_difference_dpt(450.0))
     assert blur > 0.8
-    defocused = from_sparse({(2, 0): blur * 1.5**2 / (4.0 * math.sqrt(3.0))}, 1.5, 450.0)
+    more = blur * 1.5**2 / (4.0 * math.sqrt(3.0))
+    defocused = from_sparse({(2, 0): 0.1 + more}, 1.5, 450.0)
     assert found == pytest.approx(wavefront_of(defocused).otf().mtf(cpd), abs=1e-9)
 
 

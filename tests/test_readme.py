@@ -52,6 +52,19 @@ def test_the_commands_that_render_are_understood():
     assert [p["fov"] for p in parsed] == [None, 24.0, None]
 
 
+def test_the_commands_about_eyes_are_understood():
+    import typer
+
+    from isetcl.cli import app
+
+    (block,) = (b for b in blocks() if b.startswith("isetcl eye"))
+    commands = typer.main.get_command(app).commands
+    lines = [shlex.split(line) for line in block.splitlines()]
+    parsed = [commands[words[1]].make_context(words[1], words[2:]).params for words in lines]
+    assert [p["name"] for p in parsed] == ["navarro", "liou_brennan"]
+    assert [p["pupil"] for p in parsed] == [4.0, 3.0]
+
+
 def test_the_command_with_photographs_is_understood(monkeypatch):
     import typer
 

@@ -24,6 +24,7 @@ from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, Pupil
 from isetcl.eye.navarro import Hold, NavarroModel
 from isetcl.eye.population import load_population as load_population
 from isetcl.eye.reduced import drasdo_fowler, thibos
+from isetcl.units import distance_from_vergence
 
 
 def navarro(
@@ -149,7 +150,10 @@ ACCOMMODATING = tuple(
 )
 """Names of the eyes that accommodate continuously."""
 
-__all__ = ["ACCOMMODATING", "by_name", "names", *_BUILDERS]
+FILE_SUFFIXES = (".json", ".zmx", ".dat")
+"""Endings of names that are files of eyes."""
+
+__all__ = ["ACCOMMODATING", "FILE_SUFFIXES", "by_name", "names", *_BUILDERS]
 
 
 def names() -> tuple[str, ...]:
@@ -160,13 +164,24 @@ def names() -> tuple[str, ...]:
 def by_name(
     name: str, pupil_diameter_mm: float = 4.0, accommodation_dpt: float | None = None
 ) -> Eye:
-    """A model eye by its name, one of `names()`, with everything else at its default.
+    """A model eye by its name, one of `names()`, or the eye of a file (see `load_eye`).
+
+    Everything else is at its default.
 
     Raises
     ------
     InvalidInputError
         If the name is unknown (near matches are named), or the eye cannot accommodate.
+    FileError
+        If the file cannot be read.
     """
+    if isinstance(name, str) and name.lower().endswith(FILE_SUFFIXES):
+        from isetcl.eye.files.load import load_eye
+
+        eye = load_eye(name, pupil_diameter_mm=pupil_diameter_mm)
+        if accommodation_dpt is None:
+            return eye
+        return eye.focus_at(distance_from_vergence(accommodation_dpt))
     builder = _BUILDERS[check_choice("eye", name, names())]
     if name in ACCOMMODATING:
         return builder(pupil_diameter_mm, accommodation_dpt)

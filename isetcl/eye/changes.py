@@ -21,6 +21,7 @@ from isetcl.errors import (
     check_positive,
 )
 from isetcl.eye import paraxial
+from isetcl.eye.clear_apertures import uncrossed
 from isetcl.eye.model import (
     REFERENCE_WAVELENGTH_NM,
     AccommodationModel,
@@ -65,7 +66,8 @@ class LensShift:
     """The lens, with the stop in front of it, moved backwards by a length, mm.
 
     ``hold`` says whether the retina stays (``"axial_length"``) or moves too
-    (``"vitreous_depth"``).
+    (``"vitreous_depth"``). A lens that would touch the cornea far from the axis gets a smaller
+    semi-diameter.
     """
 
     shift_mm: float
@@ -82,6 +84,7 @@ class LensShift:
             dataclasses.replace(s, vertex_z_mm=s.vertex_z_mm + self.shift_mm) if i >= first else s
             for i, s in enumerate(eye.surfaces)
         )
+        surfaces = uncrossed(surfaces, [i < first for i in range(len(surfaces))])
         stop = dataclasses.replace(eye.stop, z_mm=eye.stop.z_mm + self.shift_mm)
         moved = 0.0 if self.hold == "axial_length" else self.shift_mm
         retina = dataclasses.replace(eye.retina, vertex_z_mm=eye.retina.vertex_z_mm + moved)

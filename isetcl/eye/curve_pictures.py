@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from isetcl.eye.mtf_table import LIGHTS, MtfTable
 from isetcl.eye.otf import OpticalTransfer
 from isetcl.eye.picture_parts import (
     FIELD_COLOURS,
@@ -65,6 +66,26 @@ def draw_mtf(
             axes.plot(frequency, values, color=colour, ls=style, lw=1.6, label=label)
     dress(axes, "spatial frequency (cycles/degree)", "modulation transfer")
     axes.set(xlim=(0.0, largest_cpd), ylim=(0.0, 1.0))
+    axes.legend(fontsize="small", frameon=False)
+    return axes
+
+
+def draw_mtf_table(table: MtfTable, ax: Axes | None = None) -> Axes:
+    """MTF in light of one wavelength and in photopic light, by both models; returns the axes."""
+    axes = axes_or_new(ax)
+    for light, model, section, values in table.curves():
+        if values is not None:
+            axes.plot(
+                table.frequency_cpd,
+                values,
+                color=field_colour(LIGHTS.index(light)),
+                ls="--" if section == "sagittal" else "-",
+                lw=2.0 if model == "diffraction" else 1.0,
+                label=table.label(light, model, section),
+            )
+    dress(axes, "spatial frequency (cycles/degree)", "modulation transfer")
+    axes.set(xlim=(0.0, float(np.max(table.frequency_cpd))), ylim=(0.0, 1.0))
+    axes.set_title(field_name(table.field_deg), fontsize="medium")
     axes.legend(fontsize="small", frameon=False)
     return axes
 

@@ -26,6 +26,7 @@ OPTIONS = ("fields_deg", "wavelength_nm", "rays", "object_distance_m")
 """Keyword arguments of `draw_eye`."""
 
 _LEAD_MM = 4.0
+_LONGEST_LEAD_MM = 10.0
 _DENSE_INDEX = 1.35
 _RIM: dict[str, Any] = {"color": GREY, "lw": 0.8}
 
@@ -118,9 +119,9 @@ def _ray_paths(
     origins, directions = source.launch(points)
     rays = trace_elements(source.sequence, origins, directions, "retina", record_hits=True)
     assert rays.hits_mm is not None
-    first = rays.hits_mm[0] - directions * (
-        (rays.hits_mm[0, :, 2:] + _LEAD_MM) / np.maximum(directions[:, 2:], 0.1)
-    )
+    # Up to a plane in front of the eye, but no long way from the side.
+    depth = (rays.hits_mm[0, :, 2:] + _LEAD_MM) / np.maximum(directions[:, 2:], 0.1)
+    first = rays.hits_mm[0] - directions * np.clip(depth, 0.0, _LONGEST_LEAD_MM)
     paths = np.concatenate([first[None], rays.hits_mm])
     kept = np.flatnonzero(found & rays.passed)
     return [(paths[:, i, 2], paths[:, i, 1]) for i in kept]

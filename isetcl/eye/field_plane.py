@@ -38,6 +38,7 @@ _ENTRANCE_TOLERANCE_MM = 1e-4
 _POINT_TOLERANCE_MM = 1e-9
 _FIELD_TOLERANCE_DEG = 1e-7
 _SLOPE_STEP_DEG = 1e-2
+_FEW = 16
 
 
 class FieldPlane:
@@ -71,8 +72,6 @@ class FieldPlane:
 
     def _tabulate(self) -> None:
         """Trace a fan, and make first guesses of it."""
-        from scipy.interpolate import LinearNDInterpolator
-
         angle = np.linspace(0.0, _FAN_LIMIT_RAD, _FAN_ANGLES)
         turn = np.arange(_FAN_SPOKES) * 2.0 * np.pi / _FAN_SPOKES
         circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
@@ -93,8 +92,9 @@ class FieldPlane:
         self.max_field_deg = _least_reach(rim)
         used[0, 1:] = False  # the middle of the fan once
         table = launch[used]
-        self._launch_of_field: LinearNDInterpolator = LinearNDInterpolator(field[used], table)
-        self._launch_of_point: LinearNDInterpolator = LinearNDInterpolator(seen[used], table)
+        # Newton's method finds launches of a field from afar, those of a retinal point it does not.
+        self._launch_of_field = _Guesses(field[used], table, _FEW)
+        self._launch_of_point = _Guesses(seen[used], table, 0)
 
     def retinal_point_mm(self, x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
         """Point on the retina that receives the direction (x_deg, y_deg), mm, shape (..., 3)."""
@@ -144,7 +144,7 @@ class FieldPlane:
             launch = self._newton(
                 lambda a: self._about_stop(self._arrive(a).positions_mm),
                 at,
-                _guess(self._launch_of_point, at),
+                self._launch_of_point(at),
                 1e-12,
             )
             return field_from_direction(self._leave(launch).directions)
@@ -189,7 +189,7 @@ class FieldPlane:
         return self._newton(
             lambda a: field_from_direction(self._leave(a).directions),
             field_deg,
-            _guess(self._launch_of_field, field_deg),
+            self._launch_of_field(field_deg),
             1e-11,
         )
 
@@ -201,21 +201,24 @@ class FieldPlane:
         tolerance: float,
     ) -> np.ndarray:
         """Launch angles at which a function of them, (n, 2), takes the wanted values."""
-        launch, h = guess, _DIFFERENCE_RAD
+        launch, h = guess.copy(), _DIFFERENCE_RAD
+        left = np.arange(len(guess))
         for _ in range(_NEWTON_STEPS):
-            reached = function(launch)
-            miss = wanted - reached
-            if np.max(np.abs(miss), initial=0.0) < tolerance:
+            reached = function(launch[left])
+            miss = wanted[left] - reached
+            far = np.max(np.abs(miss), axis=1, initial=0.0) >= tolerance
+            left, reached, miss = left[far], reached[far], miss[far]
+            if len(left) == 0:
                 break
             slopes = np.stack(
-                [(function(launch + h * e) - reached) / h for e in np.eye(2)], axis=-1
+                [(function(launch[left] + h * e) - reached) / h for e in np.eye(2)], axis=-1
             )
             singular = ~(np.abs(np.linalg.det(slopes)) > 1e-9)
             slopes[singular] = np.eye(2)
             change = np.linalg.solve(slopes, np.where(singular[:, None], 0.0, miss)[..., None])
             change = change[..., 0]
             size = np.linalg.norm(change, axis=1, keepdims=True) / _LONGEST_STEP_RAD
-            launch = launch + change / np.maximum(size, 1.0)
+            launch[left] += change / np.maximum(size, 1.0)
         return launch
 
     def _leave(self, launch: np.ndarray) -> RayBundle:
@@ -279,16 +282,33 @@ def _from_angles(launch: np.ndarray) -> np.ndarray:
     return direction * np.array([1.0, 1.0, -1.0])
 
 
-def _guess(table: LinearNDInterpolator, at: np.ndarray) -> np.ndarray:
-    """First guesses; beyond the table that of the nearest point in it."""
-    from scipy.spatial import cKDTree
+class _Guesses:
+    """First guesses from a table: linear between its points, beyond them the nearest one's.
 
-    found = np.asarray(table(at), dtype=np.float64)
-    beyond = ~np.isfinite(found).all(axis=1)
-    if beyond.any():
-        _, nearest = cKDTree(table.points).query(at[beyond])
-        found[beyond] = table.values[nearest]
-    return found
+    Up to `few` guesses are always the nearest point's: joining the points to triangles takes longer
+    than some more steps of Newton's method.
+    """
+
+    def __init__(self, points: np.ndarray, values: np.ndarray, few: int) -> None:
+        self._points, self._values, self._few = points, values, few
+
+    def __call__(self, at: np.ndarray) -> np.ndarray:
+        from scipy.spatial import cKDTree
+
+        found = np.full(at.shape, np.nan)
+        if len(at) > self._few:
+            found = np.asarray(self._triangles(at), dtype=np.float64)
+        beyond = ~np.isfinite(found).all(axis=1)
+        if beyond.any():
+            _, nearest = cKDTree(self._points).query(at[beyond])
+            found[beyond] = self._values[nearest]
+        return found
+
+    @functools.cached_property
+    def _triangles(self) -> LinearNDInterpolator:
+        from scipy.interpolate import LinearNDInterpolator
+
+        return LinearNDInterpolator(self._points, self._values)
 
 
 def _least_reach(rim: np.ndarray) -> float:

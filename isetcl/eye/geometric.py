@@ -19,7 +19,9 @@ from isetcl.eye.wavefront import Wavefront
 from isetcl.units import ARCMIN_PER_DEG
 
 _DEGREE = 12
-_FEWEST_RINGS = 9  # 26 spokes: 24 would not tell cos(12 phi) from 0
+
+FEWEST_RINGS = 9
+"""Least rings of a spot: 24 spokes, which 8 rings have, do not tell cos(12 phi) from 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,14 +96,14 @@ def spot(
     field_deg, wavelength_nm, object_distance_m, scale_wavelength_nm
         As in `Eye.wavefront`.
     rings
-        Rings of rays; each has 2 rings + 8 rays.
+        Rings of rays, 9 to 400; each has 2 rings + 8 rays.
 
     Raises
     ------
     InvalidInputError
         If an argument breaks its rule, or rays are vignetted.
     """
-    rings = check_count("rings", rings, _FEWEST_RINGS, 400)
+    rings = check_count("rings", rings, FEWEST_RINGS, 400)
     source = ObjectPoint(eye, field_deg, wavelength_nm, object_distance_m)
     chief = source.chief()
     nodes, shares = np.polynomial.legendre.leggauss(rings)

@@ -25,7 +25,7 @@ from isetcl.errors import (
 )
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.object_point import ObjectPoint, check_field
-from isetcl.eye.wavefront_trace import path_to_sphere
+from isetcl.eye.wavefront_trace import path_to_sphere, sphere_radius_mm
 from isetcl.eye.zernike import (
     MAX_ORDER,
     ZernikeFit,
@@ -182,7 +182,7 @@ def measure(
         )
     chief = source.chief()
     centre = chief.point_mm[0]
-    sphere = float(np.linalg.norm(centre - [0.0, 0.0, eye.exit_pupil(wavelength_nm).z_mm]))
+    sphere = sphere_radius_mm(source, centre)
     paths = [path_to_sphere(r, centre, sphere, source.index_after)[0] for r in (chief, rays)]
     coefficients = weighted @ ((paths[0] - paths[1]) * UM_PER_MM)
     fitted = ZernikeFit(coefficients, radius, wavelength_nm)

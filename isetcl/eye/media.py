@@ -14,6 +14,7 @@ import numpy as np
 from isetcl.errors import (
     InvalidInputError,
     check_array,
+    check_between,
     check_choice,
     check_finite,
     check_positive,
@@ -276,7 +277,7 @@ class PowerDispersion:
     coefficients
         c_i, in nm^(-p_i).
     exponents
-        p_i, as many: (0, -2, -4, -6) is Cauchy's series, (0, 1, 2) a parabola.
+        p_i, as many, -12 to 12: (0, -2, -4, -6) is Cauchy's series, (0, 1, 2) a parabola.
 
     Raises
     ------
@@ -285,7 +286,7 @@ class PowerDispersion:
     """
 
     coefficients: tuple[float, ...]
-    exponents: tuple[int, ...]
+    exponents: tuple[float, ...]
 
     def __post_init__(self) -> None:
         for name in ("coefficients", "exponents"):
@@ -301,6 +302,10 @@ class PowerDispersion:
                 "power dispersion: coefficients and exponents must be of one length, got "
                 f"{len(self.coefficients)} and {len(self.exponents)}"
             )
+        for exponent in self.exponents:
+            check_between("power dispersion: exponents", exponent, -12.0, 12.0)
+        for coefficient in self.coefficients:
+            check_between("power dispersion: coefficients", coefficient, -1e40, 1e40)
         lowest = float(np.min(self.evaluate(np.linspace(*self.range_nm, 401))))
         if not lowest >= 1.0:
             raise InvalidInputError(

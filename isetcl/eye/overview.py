@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from isetcl.errors import IsetclError, check_choice, check_vectors
 from isetcl.eye import wave_pictures
+from isetcl.eye.geometric import FEWEST_RINGS
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.picture_parts import field_name, figure_or_new
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _FRAUNHOFER_NM = (486.1, 656.3)
 _DECADES = 4.0
+_NARROW, _WIDE = 40, 90  # letters of a line
 
 _SIZES_IN = {
     "section": (7.0, 5.4),
@@ -46,7 +48,8 @@ _PAGE: tuple[tuple[float, tuple[tuple[str, float], ...]], ...] = (
 )
 """Rows of the page: their heights, and the names of their pictures with their widths."""
 
-_PAGE_IN = (17.0, 21.0)
+PAGE_IN = (17.0, 21.0)
+"""Width and height of the page, inches."""
 
 
 @dataclass(frozen=True)
@@ -103,17 +106,14 @@ class Overview:
         try:
             self.draw(name, figure)
         except IsetclError as error:
-            figure.clear()
             reason = f"{name}: {error}"
-            ax = figure.subplots()
-            ax.set_axis_off()
-            ax.text(0.5, 0.5, _folded(reason), ha="center", va="center", fontsize="small")
+            _say(reason, figure)
             return reason
         return None
 
     def page(self, figure: AnyFigure | None = None) -> AnyFigure:
         """All pictures on one page; returns its figure."""
-        chosen = figure_or_new(figure, *_PAGE_IN)
+        chosen = figure_or_new(figure, *PAGE_IN)
         heights = [height for height, _ in _PAGE]
         rows = chosen.subfigures(len(_PAGE), 1, squeeze=False, height_ratios=heights)
         for row, (_, cells) in zip(rows[:, 0], _PAGE, strict=True):
@@ -138,8 +138,14 @@ class Overview:
         )
 
     def _spots(self, figure: AnyFigure) -> None:
+        def spot(field: float) -> None:
+            for wavelength in self._colours_nm:
+                self.eye.spot(
+                    field, wavelength, object_distance_m=self.object_distance_m, rings=FEWEST_RINGS
+                )
+
         self.eye.plot_spots(
-            self.fields_deg,
+            self._usable(spot, figure),
             self._colours_nm,
             figure,
             reference_nm=self.wavelength_nm,
@@ -192,8 +198,13 @@ class Overview:
         self._psf(figure, _DECADES)
 
     def _mtf(self, figure: AnyFigure) -> None:
+        def sampled(field: float) -> None:
+            self.eye.wavefront(
+                field, self.wavelength_nm, object_distance_m=self.object_distance_m
+            ).check_sampling()
+
         self.eye.plot_mtf(
-            self.fields_deg,
+            self._usable(sampled, figure),
             self.wavelength_nm,
             figure.subplots(),
             object_distance_m=self.object_distance_m,
@@ -211,17 +222,52 @@ class Overview:
         self.eye.plot_oblique_foci(None, figure.subplots(), wavelength_nm=self.wavelength_nm)
 
     def _each(self, figure: AnyFigure, draw: Callable[[float, AnyFigure], None]) -> None:
-        """A panel for each field angle, side by side."""
+        """A panel for each field angle, side by side; refused ones say why."""
         parts = figure.subfigures(1, len(self.fields_deg), squeeze=False)[0]
         for field, part in zip(self.fields_deg, parts, strict=True):
-            draw(field, part)
+            try:
+                draw(field, part)
+            except IsetclError as error:
+                _say(f"{field_name(field)}: {error}", part)
+
+    def _usable(self, attempt: Callable[[float], None], figure: AnyFigure) -> list[float]:
+        """Field angles that the eye allows; the others are named above the picture.
+
+        Raises
+        ------
+        InvalidInputError
+            If none is.
+        """
+        usable: list[float] = []
+        refused: list[str] = []
+        for field in self.fields_deg:
+            try:
+                attempt(field)
+            except IsetclError as error:
+                if not usable and field == self.fields_deg[-1]:
+                    raise
+                refused.append(f"{field_name(field)}: {error}")
+            else:
+                usable.append(field)
+        if refused:
+            text = "\n".join(_folded(reason, _WIDE) for reason in refused)
+            figure.suptitle(f"left out: {text}", fontsize="x-small")
+        return usable
+
+
+def _say(text: str, figure: AnyFigure) -> None:
+    """A reason instead of a picture."""
+    figure.clear()
+    ax = figure.subplots()
+    ax.set_axis_off()
+    ax.text(0.5, 0.5, _folded(text, _NARROW), ha="center", va="center", fontsize="small")
 
 
 def _named(ax: Axes, field_deg: float) -> None:
     ax.set_title(f"{field_name(field_deg)}: {ax.get_title()}", fontsize="medium")
 
 
-def _folded(text: str) -> str:
+def _folded(text: str, width: int) -> str:
     import textwrap
 
-    return "\n".join(textwrap.wrap(text, 48))
+    return "\n".join(textwrap.wrap(text, width))

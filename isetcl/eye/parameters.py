@@ -1,7 +1,9 @@
 """Parameters of an eye by name: "cornea front.curvature", "retina.vertex_z_mm", "stop.z_mm".
 
 A name is a part (a surface by its own name, "stop" or "retina"), a dot, and the path to a number in
-that part: fields by dots, places in a tuple by [0].
+that part: fields by dots, places in a tuple by [0]. What an eye does not have has no name: to fit
+the tilt of a lens ("lens back.placement.tilt_deg[0]"), start from an eye whose surface has a
+`Placement`, even one that moves nothing.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_finite
-from isetcl.eye.model import Eye
+from isetcl.eye.model import Eye, smallest_gap_mm
 from isetcl.eye.surface import Surface
 
 _SAME_PLANE_MM = 1e-9
@@ -91,7 +93,7 @@ def _trimmed(surfaces: list[Surface]) -> tuple[Surface, ...]:
     limits = [s.semi_diameter_mm for s in surfaces]
     for i, (front, back) in enumerate(itertools.pairwise(surfaces)):
         rho = np.linspace(0.0, min(front.semi_diameter_mm, back.semi_diameter_mm), _GAP_SAMPLES)
-        gap = back.vertex_z_mm + back.sag_mm(rho) - front.vertex_z_mm - front.sag_mm(rho)
+        gap = smallest_gap_mm(front, back, rho)
         if np.any(gap < 0.0) and gap[0] > 0.0:
             meet = float(rho[max(1, int(np.argmax(gap < 0.0)) - 1)])
             limits[i], limits[i + 1] = min(limits[i], meet), min(limits[i + 1], meet)

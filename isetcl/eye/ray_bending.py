@@ -56,8 +56,9 @@ class Hurb:
         Delta_L: ``"iset3d"`` (the paper) sqrt(R^2 - r^2), ``"optrace"`` sqrt((R - r) R), or
         ``"isotropic"`` R - r.
     gamma
-        Width of the Gaussians. Freniere's is 1; sqrt(2), the default, brings the peak of the
-        pattern within 10 % of Airy's.
+        Width of the Gaussians. Freniere's 1 is the default: with it the white-light MTF of
+        Navarro's and the Arizona eye is right to 0.03 at 5 to 30 cycles/deg through pupils of 2 to
+        6 mm. 1.22 fits the MTF of an eye without aberrations best, and sqrt(2) its peak.
     wavelength
         lambda is that in the stop's ``"medium"``, as diffraction has it, or in ``"vacuum"``.
 
@@ -72,7 +73,7 @@ class Hurb:
     """
 
     axes: HurbAxes = "iset3d"
-    gamma: float = math.sqrt(2.0)
+    gamma: float = 1.0
     wavelength: Literal["medium", "vacuum"] = "medium"
 
     def __post_init__(self) -> None:
@@ -188,9 +189,12 @@ class Airy:
 
     The change of T has the density |Fourier transform of the stop|^2 wherever the ray passes, so
     that the image of a point is the rays' own, convolved with the pattern. Without aberrations that
-    is exact; with them the transfer is the product of both, which is right where one of the two
-    dominates. The shares of light beyond ring 50 follow the mean 2 / (pi v); what is beyond |T| = n
-    is lost (3e-5 of the light at 3 mm).
+    is exact. With them the transfer is the product of both, which is too low where aberrations and
+    diffraction matter alike: in white light through Navarro's eye by 0.02 at 1 mm, 0.10 at 2 and 3
+    mm and 0.08 at 4 mm of pupil (`Hurb()`: 0.15, 0.02, 0.02, 0.02).
+
+    The shares of light beyond ring 50 follow the mean 2 / (pi v); what is beyond |T| = n is lost
+    (3e-5 of the light at 3 mm).
     """
 
     def scale_mm(self, wavelength_nm: float, index: float) -> float:

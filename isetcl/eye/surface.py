@@ -92,7 +92,8 @@ class Surface:
             self._check_shape(label, self.shape)
 
     def _check_conic(self, label: str) -> None:
-        rim2 = (1.0 + self.conic) * (self.curvature * self.semi_diameter_mm) ** 2
+        bend = self.curvature * self.semi_diameter_mm
+        rim2 = (1.0 + self.conic) * bend * bend  # a power would overflow with an exception
         if rim2 >= 1.0:
             reach = 1.0 / (abs(self.curvature) * math.sqrt(1.0 + self.conic))
             raise InvalidInputError(

@@ -62,11 +62,8 @@ class _Pupil:
         self.source = source
         self.mm_per_deg = mm_per_deg
         self.chief = source.chief()
-        pupil = source.eye.exit_pupil(source.wavelength_nm)
-        middle = np.array(source.eye.stop.decentre_mm) * pupil.magnification
-        exit_pupil = np.array([*middle, pupil.z_mm])
         self.centre = self.chief.point_mm[0]
-        self.radius = float(np.linalg.norm(self.centre - exit_pupil))
+        self.radius = sphere_radius_mm(source, self.centre)
         self._fill()
 
     def _fill(self) -> None:
@@ -187,6 +184,13 @@ class _Pupil:
                 break
             entrance = entrance + np.einsum("nij,nj->ni", slopes, miss)
         return rays, slopes
+
+
+def sphere_radius_mm(source: ObjectPoint, centre_mm: np.ndarray) -> float:
+    """Radius of the reference sphere about a point: its distance to the exit pupil's middle, mm."""
+    pupil = source.eye.exit_pupil(source.wavelength_nm)
+    middle = np.array(source.eye.stop.decentre_mm) * pupil.magnification
+    return float(np.linalg.norm(centre_mm - np.array([*middle, pupil.z_mm])))
 
 
 def path_to_sphere(

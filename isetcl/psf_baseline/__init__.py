@@ -6,6 +6,15 @@ judges would prove nothing.
 
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
+from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
 from isetcl.psf_baseline.render import render
 
-__all__ = ["Method", "Psf", "geometric_psf", "methods", "render"]
+__all__ = [
+    "Method",
+    "Psf",
+    "PupilOffsets",
+    "geometric_psf",
+    "methods",
+    "pupil_offsets",
+    "render",
+]

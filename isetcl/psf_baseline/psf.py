@@ -113,14 +113,14 @@ def _axial_spread(
     pupil = paraxial.entrance_pupil(eye, wavelength_nm)
     # A little more than the paraxial pupil; the stop decides.
     heights = 1.05 * pupil.radius_mm * np.sqrt((np.arange(_RADIAL_RAYS) + 0.5) / _RADIAL_RAYS)
-    origins, directions = _launch(
+    origins, directions = launch(
         np.stack([np.zeros_like(heights), heights], axis=1),
         vergence_dpt,
         np.array([0.0, 0.0, pupil.z_mm]),
         (0.0, 0.0),
     )
     rays = trace_elements(elements(eye, wavelength_nm), origins, directions, "retina")
-    field = _seen_from(eye, wavelength_nm, rays)
+    field = seen_from(eye, wavelength_nm, rays)
     flux = directions[:, 2] ** 3 * rays.passed
     _check_flux(eye, flux, vergence_dpt)
     return field[rays.passed, 1], (flux / flux.sum())[rays.passed]
@@ -136,9 +136,9 @@ def _field_spread(
     turn = i * math.pi * (3.0 - math.sqrt(5.0))
     points = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
     middle = eye.field_map(wavelength_nm).entrance_mm(*np.array(field_deg))
-    origins, directions = _launch(points, vergence_dpt, middle, field_deg)
+    origins, directions = launch(points, vergence_dpt, middle, field_deg)
     rays = trace_elements(elements(eye, wavelength_nm), origins, directions, "retina")
-    seen = _seen_from(eye, wavelength_nm, rays)
+    seen = seen_from(eye, wavelength_nm, rays)
     flux = directions[:, 2] ** 3 * rays.passed
     _check_flux(eye, flux, vergence_dpt)
     offset = (seen - np.array(field_deg))[rays.passed]
@@ -153,7 +153,7 @@ def _check_flux(eye: Eye, flux: np.ndarray, vergence_dpt: float) -> None:
         )
 
 
-def _launch(
+def launch(
     pupil_mm: np.ndarray, vergence_dpt: float, centre: np.ndarray, field_deg: tuple[float, float]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Rays from one object point through points (n, 2) of the entrance pupil's plane, mm.
@@ -172,12 +172,17 @@ def _launch(
     return through - back * direction, direction
 
 
-def _seen_from(eye: Eye, wavelength_nm: float, rays: RayBundle) -> np.ndarray:
-    """Field angles (x, y) in degrees of the chief rays to the retinal points of rays, (n, 2)."""
+def seen_from(eye: Eye, wavelength_nm: float, rays: RayBundle) -> np.ndarray:
+    """Field angles (x, y) in degrees of the chief rays to the retinal points of rays, (n, 2).
+
+    Those of rays that were lost mean nothing.
+    """
     chief = eye.field_map(wavelength_nm)
     point = rays.positions_mm
     if isinstance(chief, FieldPlane):
-        return chief.field_of_point_deg(point)
+        seen = np.zeros((len(point), 2))
+        seen[rays.passed] = chief.field_of_point_deg(point[rays.passed])
+        return seen
     height = np.hypot(point[:, 0], point[:, 1])
     depth = point[:, 2] - eye.retina.vertex_z_mm
     arc = _arc_mm(eye, height, depth)

@@ -26,6 +26,8 @@ from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.plane import fields_seen_deg, plane_throughput
 from isetcl.psf_baseline.psf import Psf, geometric_psf
+from isetcl.psf_baseline.pupil import MAX_SAMPLES, PupilOffsets, pupil_offsets
+from isetcl.psf_baseline.slicing import closed, soft_slices
 from isetcl.psf_baseline.veil import veil
 from isetcl.psf_baseline.view import (
     Layer,
@@ -49,6 +51,7 @@ from isetcl.units import MM_PER_M
 from isetcl.version import __version__
 
 PSF_KINDS = ("geometric",)
+SLICINGS = ("auto", "hard", "soft")
 
 _SHIFT_TOLERANCE = 0.05
 _MARGIN_ROUNDS = 4
@@ -66,6 +69,8 @@ def render(
     centre_deg: Centre = (0.0, 0.0),
     wavelengths_nm: np.ndarray | None = None,
     oversampling: int = 2,
+    slicing: str = "auto",
+    pupil_samples: int | None = None,
     scatter: ScatterModel | None = None,
     media: OcularMedia | None = None,
     progress: Callable[[float], None] | None = None,
@@ -79,7 +84,7 @@ def render(
     scene, eye, fov_deg, resolution, centre_deg, wavelengths_nm
         As in `isetcl.render`; the image lies on the same grid.
     method
-        One of `methods()`: ``"layered_sum"`` or ``"layered_over"``.
+        One of `methods()`, for instance ``"layered_sum"`` or ``"pupil_clipped"``.
     psf
         ``"geometric"``: from the eye's own rays.
     layers
@@ -87,6 +92,11 @@ def render(
         edges in dioptres.
     oversampling
         Samples across a pixel in views and PSFs.
+    slicing
+        ``"hard"``: every sample belongs to one layer; ``"soft"``: layers of one surface share their
+        samples by vergence, so that blur does not jump; ``"auto"``: as the method is known for.
+    pupil_samples
+        Samples of the pupil for methods that take such; None for what the method wants.
     scatter
         Light that is scattered inside the eye: its share is taken from the image and spread as a
         veil, from sources outside the image too. None leaves it out.
@@ -112,6 +122,9 @@ def render(
     _check_emission_only(scene)
     check_choice("psf", psf, PSF_KINDS)
     oversampling = check_count("oversampling", oversampling, 1, 8)
+    check_choice("slicing", slicing, SLICINGS)
+    if pupil_samples is not None:
+        pupil_samples = check_count("pupil_samples", pupil_samples, 1, MAX_SAMPLES)
     if progress is not None and not callable(progress):
         raise InvalidInputError(
             f"progress must be a function of the fraction done, or None, got {progress!r}"
@@ -129,10 +142,11 @@ def render(
     basis = spectral_basis(scene, wavelengths)
     edges, psfs, margin = _layers_and_psfs(scene, grid, layers, wavelengths, oversampling)
     view = ViewGrid(grid, oversampling, margin)
-    _check_memory(view, len(edges) - 1, len(basis.spectra), len(wavelengths))
+    _check_memory(view, len(edges) - 1, len(basis.spectra), len(wavelengths), chosen)
     taken = take_layers(
         scene, view, basis, _open_ended(edges), complete=chosen.needs_complete_layers
     )
+    taken = _prepared(taken, chosen, slicing)
     irradiance = np.zeros((len(wavelengths), *grid.shape), dtype=np.float32)
     spread = None if scatter is None else veil(scene, view, basis, scatter)
     if taken or spread is not None:
@@ -140,7 +154,8 @@ def render(
         for i, wavelength in enumerate(wavelengths):
             channels = np.zeros((len(basis.spectra), *view.shape), dtype=np.float32)
             if spectra is not None:
-                blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken])
+                pupil = _pupil(grid, float(wavelength), taken, chosen, pupil_samples)
+                blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken], pupil)
                 channels = chosen.combine(blur, len(taken))
             if scatter is not None and spread is not None:
                 channels = (1.0 - scatter.fraction) * channels + spread
@@ -157,6 +172,7 @@ def render(
         "scene_digest": scene.digest(),
         "layers_dpt": [layer.vergence_dpt for layer in taken],
         "oversampling": oversampling,
+        "slicing": chosen.slicing if slicing == "auto" else slicing,
         "media": None if media is None else media.describe(),
         "scatter": None if scatter is None else scatter.describe(),
         "psf_energy_outside": max(
@@ -170,6 +186,35 @@ def render(
         irradiance,
         vergence_dpt=vergence_map(scene, grid),
         provenance=details,
+    )
+
+
+def _prepared(layers: list[Layer], method: Method, slicing: str) -> list[Layer]:
+    """The layers as a method wants them: sliced, and without gaps if they are visible ones."""
+    if (method.slicing if slicing == "auto" else slicing) == "soft":
+        layers = soft_slices(layers, complete=method.needs_complete_layers)
+    if layers and not method.needs_complete_layers:
+        layers = closed(layers)
+    return layers
+
+
+def _pupil(
+    grid: RetinalGrid,
+    wavelength_nm: float,
+    layers: list[Layer],
+    method: Method,
+    samples: int | None,
+) -> PupilOffsets | None:
+    """Rays through the pupil for methods that follow them."""
+    if method.pupil_samples == 0:
+        return None
+    return pupil_offsets(
+        grid.eye,
+        wavelength_nm,
+        [layer.vergence_dpt for layer in layers],
+        method.pupil_samples if samples is None else samples,
+        rays_per_sample=method.rays_per_sample,
+        field_deg=grid.centre_deg,
     )
 
 
@@ -280,7 +325,9 @@ def _check_square(grid: RetinalGrid) -> None:
         )
 
 
-def _check_memory(view: ViewGrid, n_layers: int, n_basis: int, n_wavelengths: int) -> None:
+def _check_memory(
+    view: ViewGrid, n_layers: int, n_basis: int, n_wavelengths: int, method: Method
+) -> None:
     """Raise OutOfMemoryError, naming a resolution that fits, before anything large is allocated.
 
     A sample of the view takes a float for every layer and channel, twice that for their transforms,
@@ -288,6 +335,8 @@ def _check_memory(view: ViewGrid, n_layers: int, n_basis: int, n_wavelengths: in
     """
     rows, columns = view.shape
     per_sample = 4 * n_layers * (n_basis + 2) + 8 * n_layers * (n_basis + 1) + 32 * (n_basis + 2)
+    if method.slicing == "soft" or method.pupil_samples > 0:
+        per_sample += n_layers * (4 * (n_basis + 1) + 12)
     pixels = view.grid.shape[0] * view.grid.shape[1]
     needed = rows * columns * per_sample + pixels * n_wavelengths * 16
     check_memory(

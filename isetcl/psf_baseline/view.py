@@ -90,11 +90,14 @@ class Layer:
         Coefficients of the scene's spectra times coverage.
     coverage : ndarray, (rows, columns), float32
         Fraction of each sample the layer covers, 0 to 1.
+    depth : ndarray, (rows, columns), float32, or None
+        Coverage times the vergence of what is seen, 1/m; None if all lies at `vergence_dpt`.
     """
 
     vergence_dpt: float
     colour: np.ndarray
     coverage: np.ndarray
+    depth: np.ndarray | None = None
 
 
 def layer_edges_dpt(
@@ -259,11 +262,11 @@ def take_layers(
         for factor in np.unique(rays_across[rays_across > 0]):
             _refine(found, scene, view, basis, edges_dpt, complete, rays_across, int(factor))
     layers = []
-    for colour, coverage, vergence in ((f[:-2], f[-2], f[-1]) for f in found):
+    for colour, coverage, depth in ((f[:-2], f[-2], f[-1]) for f in found):
         total = float(coverage.sum(dtype=np.float64))
         if total > 0:
-            mean = float(vergence.sum(dtype=np.float64)) / total
-            layers.append(Layer(mean, colour, coverage))
+            mean = float(depth.sum(dtype=np.float64)) / total
+            layers.append(Layer(mean, colour, coverage, depth))
     return layers
 
 

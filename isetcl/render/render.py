@@ -92,7 +92,8 @@ def render(
     diffraction
         Bends of rays at the stop: ``"none"``; ``"airy"``, drawn from the stop's exact pattern;
         ``"hurb"`` (`Hurb`'s defaults), ``"iset3d"`` (the paper's values) or a `Hurb`; or
-        ``"auto"``, the exact pattern where it changes the MTF of eye and pixels by more than 0.02.
+        ``"auto"``: nothing where the MTF of eye and pixels is right to 0.02 without, or else
+        whichever of "airy" and "hurb" comes nearer to the exact one.
     scatter
         Light that is scattered inside the eye; None leaves it out.
     seed

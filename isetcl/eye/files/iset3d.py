@@ -30,6 +30,8 @@ RETINA_RADIUS_MM = -12.0
 """Radius of the retina, mm, where none is given: ISET3d's default."""
 
 COLUMNS = 7
+MOST_MEDIA = 6
+"""Tables of indices that ISET3d's camera takes."""
 MEDIA = {"1": "cornea", "2": "aqueous", "3": "lens", "4": "vitreous"}
 
 
@@ -108,10 +110,11 @@ def _rows(path: Path, where: str) -> list[_Row]:
             is_first = False
             continue
         is_first = False
-        if len(values) != COLUMNS or values[3] != int(values[3]):
+        if len(values) != COLUMNS or values[3] not in range(MOST_MEDIA + 1):
             raise FileError(
                 f"{where}, line {number}: must be {COLUMNS} numbers (radii in x and y, thickness, "
-                f"number of the medium, semi-diameter, conic constants in x and y), got "
+                f"number of the medium from 0 to {MOST_MEDIA}, semi-diameter, conic constants in "
+                f"x and y), got "
                 f"{line.strip()[:60]!r}"
             )
         if values[2] < 0:

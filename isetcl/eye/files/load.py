@@ -13,12 +13,11 @@ from isetcl.errors import (
     check_positive,
     check_type,
 )
+from isetcl.eye.catalog import FILE_SUFFIXES
 from isetcl.eye.files import iset3d, zmx
 from isetcl.eye.files.json_file import eye_from_json
 from isetcl.eye.media import Medium
 from isetcl.eye.model import Eye, PupilPlane
-
-SUFFIXES = (".json", ".zmx", ".dat")
 
 
 def load_eye(
@@ -70,9 +69,10 @@ def load_eye(
         check_positive("pupil_diameter_mm", pupil_diameter_mm, "mm")
     check_choice("pupil_plane", pupil_plane, ("stop", "entrance"))
     suffix = file.suffix.lower()
-    if suffix not in SUFFIXES:
+    if suffix not in FILE_SUFFIXES:
         raise FileError(
-            f"eye file {str(path)!r} has no known suffix (known: {', '.join(SUFFIXES)}); rename it"
+            f"eye file {str(path)!r} has no known suffix (known: {', '.join(FILE_SUFFIXES)}); "
+            "rename it"
         )
     _refuse_unused(suffix, given, retina_distance_mm, retina_radius_mm)
     if suffix == ".json":

@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from isetcl.errors import FileError, InvalidInputError
+from isetcl.errors import FileError, InvalidInputError, check_between
 from isetcl.eye import paraxial
 from isetcl.eye.build import CORNEA_SEMI_DIAMETERS_MM, LENS_SEMI_DIAMETER_MM
-from isetcl.eye.files.clear_apertures import uncrossed, widest_mm
+from isetcl.eye.clear_apertures import uncrossed, widest_mm
 from isetcl.eye.files.zmx_frames import Frame, broken, onward, start
 from isetcl.eye.files.zmx_shapes import form_of
 from isetcl.eye.files.zmx_text import ZmxFile, ZmxSurface, read_zmx
@@ -79,7 +79,7 @@ def _placed(found: ZmxFile, media: Mapping[str, Medium], where: str) -> list[_Pl
             else:
                 form_of(record, found.unit_mm)
                 is_image = record is found.surfaces[-1]
-                after = medium if is_image else _medium(record, media)
+                after = medium if is_image else _medium(_with_picked_glass(record, found), media)
                 placed.append(_Placed(record, frame, medium, after))
                 medium = after
             if record is not found.surfaces[-1]:
@@ -90,6 +90,22 @@ def _placed(found: ZmxFile, media: Mapping[str, Medium], where: str) -> list[_Pl
         last = found.surfaces[-1].label
         raise FileError(f"{where}, {last}: the image must be a surface, not a coordinate break")
     return placed
+
+
+def _with_picked_glass(record: ZmxSurface, found: ZmxFile) -> ZmxSurface:
+    """The surface with the glass of an earlier one where it picks it up (GLAS name 2 number)."""
+    for _ in found.surfaces:
+        if len(record.glass) < 3 or record.glass[1] != "2":
+            return record
+        numbers = {str(earlier.number): earlier for earlier in found.surfaces[: record.number]}
+        if record.glass[2] not in numbers:
+            raise InvalidInputError(
+                f"the glass (line {record.glass_line}) must be picked up from an earlier surface, "
+                f"got {record.glass[2]!r}"
+            )
+        source = numbers[record.glass[2]]
+        record = dataclasses.replace(record, glass=source.glass, glass_line=source.glass_line)
+    return record
 
 
 def _medium(record: ZmxSurface, media: Mapping[str, Medium]) -> Medium:
@@ -115,6 +131,9 @@ def _medium(record: ZmxSurface, media: Mapping[str, Medium]) -> Medium:
             f"a model glass (line {record.glass_line}) must have an index and an Abbe number as "
             f"its 4th and 5th values, got {' '.join(record.glass)[:60]!r}"
         ) from None
+    check_between(f"the index of a model glass (line {record.glass_line})", index, 1.0, 5.0)
+    if abbe_number != 0:  # zero stands for no dispersion
+        check_between(f"the Abbe number (line {record.glass_line})", abbe_number, 5.0, 1000.0)
     dispersion = AbbeDispersion(index, abbe_number) if abbe_number else ConstantIndex(index)
     return Medium(f"glass {index:g} {abbe_number:g}", dispersion)
 

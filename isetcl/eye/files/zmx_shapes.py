@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from isetcl.errors import InvalidInputError
 from isetcl.eye import zernike
 from isetcl.eye.files.zmx_text import ZmxSurface
@@ -11,8 +13,9 @@ from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import MAX_TERMS, EvenAsphere
 from isetcl.eye.shapes.shape import SurfaceShape
 from isetcl.eye.shapes.toric import Toric
-from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.shapes.zernike_sag import MAX_ORDER, ZernikeSag
 
+MOST_TERMS = zernike.term_count(MAX_ORDER)
 SUPPORTED = ("STANDARD", "BICONICX", "TOROIDAL", "EVENASPH", "SZERNSAG", "COORDBRK")
 
 
@@ -70,18 +73,50 @@ def _toric(surface: ZmxSurface, unit_mm: float) -> Toric:
     return Toric(_inverse(surface.parameters.get(1, 0.0), unit_mm))
 
 
-def _zernike(surface: ZmxSurface, unit_mm: float) -> ZernikeSag | None:
-    """XDAT 1: number of terms; 2: radius; 3 ...: Noll's orthonormal coefficients, length units."""
-    if any(_powers(surface, unit_mm)) or any(surface.parameters.get(i, 0.0) for i in (9, 10)):
-        raise InvalidInputError(
-            "a SZERNSAG surface must have no even powers (PARM 1 to 8) and no decentred terms "
-            "(PARM 9, 10); they cannot be read together"
-        )
-    count = int(surface.extra.get(1, 0.0))
-    noll = {j: surface.extra.get(j + 2, 0.0) * unit_mm for j in range(1, count + 1)}
-    noll = {j: value for j, value in noll.items() if value != 0.0}
+def _zernike(surface: ZmxSurface, unit_mm: float) -> SurfaceShape | None:
+    """XDAT 1: number of terms; 2: radius; 3 ...: Noll's orthonormal coefficients, length units.
+
+    Even powers of rho (PARM 1 to 5) are sums of the polynomials without angle.
+    """
+    if any(surface.parameters.get(i, 0.0) for i in (9, 10)):
+        raise InvalidInputError("a SZERNSAG surface must have no decentred terms (PARM 9, 10)")
+    last = surface.extra.get(1, 0.0) + 2.0
+    noll = {
+        i - 2: value * unit_mm
+        for i, value in surface.extra.items()
+        if 3 <= i <= last and value != 0.0
+    }
+    powers = _powers(surface, unit_mm)
     if not noll:
-        return None
-    by_osa = {zernike.osa_index(*zernike.noll_nm(j)): value for j, value in noll.items()}
-    coefficients = [by_osa.get(j, 0.0) for j in range(max(by_osa) + 1)]
-    return ZernikeSag(coefficients, surface.extra.get(2, 0.0) * unit_mm)
+        return EvenAsphere(powers) if any(powers) else None
+    if max(noll) > MOST_TERMS:
+        raise InvalidInputError(
+            f"a SZERNSAG surface must have at most {MOST_TERMS} terms (XDAT 3 ...), got {max(noll)}"
+        )
+    radius = surface.extra.get(2, 0.0) * unit_mm
+    coefficients = np.zeros(MOST_TERMS)
+    for j, value in noll.items():
+        coefficients[zernike.osa_index(*zernike.noll_nm(j))] = value
+    if any(powers):
+        coefficients += _polynomials_of(powers, radius)
+    used = int(np.max(np.nonzero(coefficients)[0])) + 1
+    return ZernikeSag(coefficients[:used].tolist(), radius)
+
+
+def _polynomials_of(powers: list[float], radius_mm: float) -> np.ndarray:
+    """Coefficients in OSA order of a1 rho^2 + a2 rho^4 + ... over a radius in mm."""
+    most = MAX_ORDER // 2
+    if any(powers[most:]):
+        raise InvalidInputError(
+            f"a SZERNSAG surface must have no even powers beyond rho^{2 * most} (PARM {most}) "
+            "beside its Zernike terms"
+        )
+    orders = range(0, 2 * most + 1, 2)
+    table = np.zeros((most + 1, most + 1))  # even powers of rho / radius by polynomials
+    for k, n in enumerate(orders):
+        radial = zernike.norm(n, 0) * zernike.radial_coefficients(n, 0)
+        table[: k + 1, k] = radial[::2]
+    scaled = [0.0, *(a * radius_mm ** (2 * i) for i, a in enumerate(powers[:most], start=1))]
+    result = np.zeros(MOST_TERMS)
+    result[[zernike.osa_index(n, 0) for n in orders]] = np.linalg.solve(table, scaled)
+    return result

@@ -19,6 +19,8 @@ UNITS_MM = {"MM": 1.0, "CM": 10.0, "IN": 25.4, "METER": 1000.0, "M": 1000.0}
 
 MOST_SURFACES = 1000
 
+_INFINITE = 1e10  # what Zemax writes for an infinite thickness, or more
+
 _APERTURES = {"CLAP": 2, "FLAP": 2, "ELAP": 2}
 _UNSUPPORTED_APERTURES = ("SQAP", "SPID", "OBSC", "SQOB", "ELOB", "UDAP", "USAP", "UOBS")
 
@@ -113,7 +115,9 @@ class _Line:
             raise self.fail(f"needs a number, got {word[:40]!r}") from None
         if math.isnan(value):
             raise self.fail("needs a number, got NaN")
-        return math.inf if value >= 1e10 else value
+        if value <= -_INFINITE:
+            raise self.fail(f"must be > {-_INFINITE:g}, got {value:g}")
+        return math.inf if value >= _INFINITE else value
 
     def finite_at(self, i: int) -> float:
         value = self.number_at(i)

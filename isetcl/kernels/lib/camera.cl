@@ -7,6 +7,9 @@
  * from -1 to 1 over the image.
  */
 #include "lib/disc.cl"
+#include "lib/height_map.cl"
+#include "lib/placement.cl"
+#include "lib/plane.cl"
 #include "lib/polynomial.cl"
 #include "lib/refraction.cl"
 
@@ -32,10 +35,7 @@ INLINE realv aimed(constant pupil_t *pupil, realv dx, realv dy, realv dz, realv 
 }
 
 #if HAS_ASYMMETRY
-#include "lib/height_map.cl"
-#include "lib/placement.cl"
-#include "lib/plane.cl"
-
+#if HAS_RELIEF
 /* add_relief - moves a point of a smooth retina and its unit normal onto the heights that lie on it.
  *
  * at   point, mm, and normal, eye frame
@@ -61,6 +61,7 @@ INLINE void add_relief(constant element_t *retina, global const real *eye_table,
   at[4] = ny * inverse;
   at[5] = nz * inverse;
 }
+#endif
 
 /* aim_from_retina - a ray from a point of the retina to a point of the exit pupil drawn uniformly
  * in its ellipse.

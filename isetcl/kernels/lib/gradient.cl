@@ -57,11 +57,11 @@ INLINE realv shell_power(global const real *p, realv s, realv z, realv *zeta2) {
 }
 #endif
 
-/* half_gradient - half the gradient of n^2, 1/mm, at points of the profile's frame.
+/* index_force - half the gradient of n^2, 1/mm, at points of the profile's frame.
  *
  * Returns n^2.
  */
-INLINE realv half_gradient(global const real *profile, realv x, realv y, realv z, realv *fx,
+INLINE realv index_force(global const real *profile, realv x, realv y, realv z, realv *fx,
                            realv *fy, realv *fz) {
   global const real *p = profile + GRADIENT_FRAME;
   realv s = mul_add(x, x, y * y);
@@ -147,7 +147,7 @@ INLINE realv gauss_step(rayv *ray, global const real *profile, realv h) {
 #pragma unroll
   for (int i = 0; i < 3; ++i) {
     realv reach = h * c[i];
-    n2[i] = half_gradient(profile, mul_add(reach, ray->tx, ray->x), mul_add(reach, ray->ty, ray->y),
+    n2[i] = index_force(profile, mul_add(reach, ray->tx, ray->x), mul_add(reach, ray->ty, ray->y),
                           mul_add(reach, ray->tz, ray->z), fx + i, fy + i, fz + i);
   }
   for (int sweep = 0; sweep < 2; ++sweep) {
@@ -158,7 +158,7 @@ INLINE realv gauss_step(rayv *ray, global const real *profile, realv h) {
       realv bx = mul_add(fx[0], (realv)a[i][0], mul_add(fx[1], (realv)a[i][1], fx[2] * a[i][2]));
       realv by = mul_add(fy[0], (realv)a[i][0], mul_add(fy[1], (realv)a[i][1], fy[2] * a[i][2]));
       realv bz = mul_add(fz[0], (realv)a[i][0], mul_add(fz[1], (realv)a[i][1], fz[2] * a[i][2]));
-      n2[i] = half_gradient(profile, mul_add(h2, bx, mul_add(reach, ray->tx, ray->x)),
+      n2[i] = index_force(profile, mul_add(h2, bx, mul_add(reach, ray->tx, ray->x)),
                             mul_add(h2, by, mul_add(reach, ray->ty, ray->y)),
                             mul_add(h2, bz, mul_add(reach, ray->tz, ray->z)), gx + i, gy + i,
                             gz + i);
@@ -187,7 +187,7 @@ INLINE realv gauss_step(rayv *ray, global const real *profile, realv h) {
  */
 INLINE realv short_step(rayv *ray, global const real *profile, realv h, rayv *force, realv *n2) {
   realv half_h = R(0.5) * h;
-  *n2 = half_gradient(profile, mul_add(half_h, ray->tx, ray->x), mul_add(half_h, ray->ty, ray->y),
+  *n2 = index_force(profile, mul_add(half_h, ray->tx, ray->x), mul_add(half_h, ray->ty, ray->y),
                       mul_add(half_h, ray->tz, ray->z), &force->tx, &force->ty, &force->tz);
   ray->x = mul_add(h, mul_add(half_h, force->tx, ray->tx), ray->x);
   ray->y = mul_add(h, mul_add(half_h, force->ty, ray->ty), ray->y);
@@ -261,7 +261,8 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
   ray->tx = mul_add(at->path, force.tx, ray->tx);
   ray->ty = mul_add(at->path, force.ty, ray->ty);
   ray->tz = mul_add(at->path, force.tz, ray->tz);
-  ray->x = kept & (magnitude(at->path) <= GRADIENT_NEAR) ? ray->x : (realv)NAN;
+  kept = kept & (magnitude(at->path) <= GRADIENT_NEAR);
+  ray->x = kept ? ray->x : (realv)NAN;
 #if HAS_OPL
   at->path = mul_add(at->path, n2, length) * element->inverse_n2;
 #endif
@@ -276,7 +277,7 @@ INLINE realv squared_index_after(const rayv *ray, constant element_t *element,
   rayv there = *ray;
   to_profile(&there, profile);
   realv fx, fy, fz;
-  return half_gradient(profile, there.x, there.y, there.z, &fx, &fy, &fz);
+  return index_force(profile, there.x, there.y, there.z, &fx, &fy, &fz);
 }
 #endif
 
