@@ -102,6 +102,23 @@ def features() -> str:
     )
 
 
+def surfaces() -> str:
+    record = load("surfaces")
+    columns = [f"{p} {k}" for p in ("single", "double") for k in ("own", "all", "paths")]
+    rows = [(name, *(row.get(c) for c in columns)) for name, row in record["cpu_ns"].items()]
+    return "\n\n".join(
+        [
+            "## What shapes of surfaces cost\n\n" + where(record),
+            "CPU ns of a ray through Navarro's eye to the retina, where the front of the cornea, "
+            'the lens or the stop is of another kind; "own" is the kernel that knows what this '
+            'eye needs, "all" one kernel for all of these eyes but those with gradients, which '
+            'are eyes of their own. "paths" are those of the direct pipeline (retina to scene, '
+            "four bands), with its own kernel.",
+            table(("", *columns), rows),
+        ]
+    )
+
+
 def path_features() -> str:
     record = load("path_features")
     rows = [
@@ -302,6 +319,7 @@ def page() -> str:
         trace_rays,
         direct,
         features,
+        surfaces,
         mesh,
         paths,
         path_features,

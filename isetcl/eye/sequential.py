@@ -280,7 +280,8 @@ class _Form:
         local = start + length[:, None] * heading
         value, gradient = self._implicit(local)
         along = np.einsum("ij,ij->i", gradient, heading)
-        landed = (np.abs(value) < _ON_SURFACE_MM) & (sense * along >= 0.0)
+        exists = np.isfinite(self.shape.sag_mm(self.curvature, self.conic, *local.T[:2]))
+        landed = exists & (np.abs(value) < _ON_SURFACE_MM) & (sense * along >= 0.0)
         # Missing rays keep finite numbers.
         gradient = np.where(landed[:, None], gradient, np.array([0.0, 0.0, 1.0]))
         return length, local, gradient, ~landed
