@@ -200,8 +200,8 @@ def plan(
     chosen_device = find_device(device)
     notes: list[Decision] = []
     _decide_media(media, wavelengths, notes)
-    bends = decide_bends(eye, grid, wavelengths, diffraction, scatter, notes)
     resolved = _decide_precision(precision, chosen_device, scene, grid, notes)
+    bends = decide_bends(eye, grid, wavelengths, diffraction, scatter, notes)
     choice = _decide_bands(eye, grid, wavelengths, bands, expected_error, bends, notes)
     if not is_direct:
         choice = split_bands(choice, wavelengths, WAVELENGTHS_AT_ONCE)
