@@ -11,6 +11,7 @@ import numpy as np
 from isetcl.errors import check_choice
 
 if TYPE_CHECKING:
+    from isetcl.eye.astigmatism import PrincipalMeridians
     from isetcl.eye.chromatic import Plane
     from isetcl.eye.geometric import Spot
     from isetcl.eye.model import Eye, FocusCriterion
@@ -189,6 +190,22 @@ class EyeAnalysis:
         from isetcl.eye import refraction_error
 
         return refraction_error.oblique_foci(self._as_eye(), field_deg, wavelength_nm)
+
+    def pencil_refraction(
+        self,
+        field_deg: tuple[float, float] | float = (0.0, 0.0),
+        wavelength_nm: float = _REFERENCE_NM,
+    ) -> Refraction:
+        """The refraction of a narrow pencil anywhere in the field; see `isetcl.eye.astigmatism`."""
+        from isetcl.eye import astigmatism
+
+        return astigmatism.pencil_refraction(self._as_eye(), field_deg, wavelength_nm)
+
+    def principal_meridians(self, wavelength_nm: float = _REFERENCE_NM) -> PrincipalMeridians:
+        """Powers and directions of the principal meridians; see `isetcl.eye.astigmatism`."""
+        from isetcl.eye import astigmatism
+
+        return astigmatism.principal_meridians(self._as_eye(), wavelength_nm)
 
     def longitudinal_spherical_aberration_dpt(
         self,

@@ -209,7 +209,10 @@ def oblique_foci(
     field_deg: np.ndarray | Sequence[float] | float,
     wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
 ) -> ObliqueFoci:
-    """Tangential and sagittal refraction of an eye at field angles.
+    """Tangential and sagittal refraction of an eye at field angles, upwards.
+
+    For other directions, and the oblique part of an eye that is no figure of revolution, see
+    `isetcl.eye.astigmatism.pencil_refraction`.
 
     Of two rays that enter parallel, dp apart in the entrance pupil, one is turned by dtheta so that
     both meet the retina at one point: dtheta/dp is the vergence that the correcting lens gives.
@@ -271,8 +274,13 @@ def longitudinal_spherical_aberration_dpt(
     Raises
     ------
     InvalidInputError
-        If a ray does not pass the eye.
+        If a ray does not pass the eye, or the eye is no figure of revolution.
     """
+    if not eye.is_rotational:
+        raise InvalidInputError(
+            "longitudinal spherical aberration belongs to figures of revolution, in which rays "
+            f"cross the axis again; take the Zernike coefficients of a wavefront of eye {eye.name!r}"
+        )
     heights = np.atleast_1d(check_array("heights_mm", heights_mm))
     if not np.all(heights > 0):
         raise InvalidInputError(f"heights_mm must be > 0 mm, got {heights.tolist()}")
