@@ -8,9 +8,9 @@ from test_asymmetric_eyes import NM, changed, crooked
 
 import isetcl as ic
 from isetcl.eye import astigmatism
+from isetcl.eye.aberrations.refraction_error import oblique_foci
 from isetcl.eye.placement import Placement
 from isetcl.eye.prescription import elements
-from isetcl.eye.refraction_error import oblique_foci
 from isetcl.eye.sequential import trace_elements
 
 
