@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 import isetcl as ic
 from isetcl import cli
-from isetcl.eye import overview
-from isetcl.eye.mtf_table import mtf_table
-from isetcl.eye.summary import summarise
+from isetcl.eye.aberrations.mtf_table import mtf_table
+from isetcl.eye.aberrations.summary import summarise
+from isetcl.eye.pictures import overview
 
 
 def run(*arguments):
@@ -46,6 +46,8 @@ def test_the_tables_of_an_eye_hold_its_numbers():
     eye = ic.eyes.navarro(4.0, 2.0)
     assert cells(result.output, "cornea front")[:5] == ["0", "7.72", "-0.26", "7", "1.37740"]
     assert float(cells(result.output, "stop")[3]) == 2.0
+    places = [result.output.index(f"│ {name} ") for name in ("cornea back", "stop", "lens front")]
+    assert places == sorted(places)
     assert float(cells(result.output, "power")[0]) == pytest.approx(eye.power_dpt(), abs=1e-3)
     assert cells(result.output, "in focus: smallest spot")[0] == "2"
     # The object lies where the eye is focused.

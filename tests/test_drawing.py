@@ -8,10 +8,11 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import isetcl as ic
-from isetcl.eye import curve_pictures, wave_pictures, zernike
-from isetcl.eye.overview import Overview
-from isetcl.eye.picture_parts import round_length, wavelength_colour
-from isetcl.eye.ray_fan import half_chord_mm
+from isetcl.eye.pictures import curve_pictures, wave_pictures
+from isetcl.eye.pictures.overview import Overview
+from isetcl.eye.pictures.picture_parts import round_length, wavelength_colour
+from isetcl.eye.pictures.ray_fan import half_chord_mm
+from isetcl.eye.waves import zernike
 
 
 @pytest.fixture
@@ -101,6 +102,14 @@ def test_fans_and_spots_of_other_wavelengths_are_displaced_by_the_transverse_abe
     alone = eye.spot(10.0, 450.0, rings=9, scale_wavelength_nm=550.0)
     np.testing.assert_allclose(blue.y_arcmin - alone.y_arcmin, shift[1], atol=1e-9)
     np.testing.assert_array_equal(green.y_arcmin, eye.spot(10.0, 550.0, rings=9).y_arcmin)
+
+
+def test_a_spot_needs_spokes_enough_for_the_map_of_its_pupil(eye):
+    # 8 rings have 24 spokes, between which cos(12 phi) vanishes: no fit of degree 12.
+    few, many = eye.spot(5.0, rings=9), eye.spot(5.0, rings=24)
+    assert few.rms_arcmin == pytest.approx(many.rms_arcmin, rel=1e-6)
+    with pytest.raises(ic.InvalidInputError, match="rings must be between 9 and 400"):
+        eye.spot(5.0, rings=8)
 
 
 def test_spot_diagrams_have_a_panel_for_each_field_on_one_scale(eye):

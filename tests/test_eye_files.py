@@ -212,6 +212,11 @@ def test_a_zemax_eye_can_be_changed_and_given_another_pupil(tmp_path):
     assert ic.load_eye(file, media={"Lens Front": lens}).surfaces[2].medium_after == lens
 
 
+def test_an_absurd_automatic_semi_diameter_is_cut_to_what_exists(tmp_path):
+    file = written(tmp_path, NAVARRO.replace("DIAM 1.2 0", "DIAM 1e9 0"))
+    assert 4.5 < ic.load_eye(file).surfaces[1].semi_diameter_mm < 6.5
+
+
 def test_lengths_in_centimetres_become_millimetres(tmp_path):
     eye = ic.load_eye(written(tmp_path, TILTED))
     assert [s.vertex_z_mm for s in eye.surfaces[:2]] == pytest.approx([0.0, 0.5])
@@ -384,7 +389,11 @@ def swap(old, new, count=1):
             ),
             "as its 4th and 5th",
         ),
-        (swap("___BLANK 1 0 1.42011 46.38", "___BLANK 1 0 0.5 46"), "n_d must be >= 1"),
+        (
+            swap("___BLANK 1 0 1.42011 46.38", "___BLANK 1 0 0.5 46"),
+            r"index of a model glass \(line 44\) must lie between 1 and 5",
+        ),
+        (swap("1.42011 46.38", "1.42011 1e-320"), "Abbe number .line 44. must lie between 5 and"),
         (swap("CURV -8.33", "CURV 8.33"), "surface 6.*curvature must be <= 0"),
         (
             swap("  TYPE STANDARD\n  CURV 1.53", "  TYPE TOROIDAL\n  PARM 2 1e-3\n  CURV 1.53"),

@@ -16,6 +16,7 @@ from isetcl.eye.sequential import heights_mm
 from isetcl.eye.surface import Surface, form_sag
 
 _STEP_MM = 0.05
+_MOST_STEPS = 1000
 _AZIMUTHS = 16
 
 
@@ -24,13 +25,17 @@ def widest_mm(form: dict[str, Any], wanted_mm: float) -> float:
 
     `form` holds `curvature`, `conic` and `shape`.
     """
-    rho = np.linspace(0.0, wanted_mm, 2 + int(wanted_mm / _STEP_MM))[1:]
+    rho = _steps(wanted_mm)[1:]
     sag = form_sag(form["curvature"], form["conic"], form["shape"], *_ring(rho))
     ended = ~np.isfinite(sag).all(axis=1)
     if not ended.any():
         return wanted_mm
     first = int(np.argmax(ended))
-    return float(rho[first - 2] if first >= 2 else rho[0] / 2.0)
+    if first >= 2:
+        return float(rho[first - 2])
+    if rho[first] > 2.0 * _STEP_MM:  # wide steps: look again between the axis and here
+        return widest_mm(form, float(rho[first]))
+    return float(rho[0] / 2.0)
 
 
 def uncrossed(surfaces: Sequence[Surface], is_fixed: Sequence[bool]) -> tuple[Surface, ...]:
@@ -39,7 +44,7 @@ def uncrossed(surfaces: Sequence[Surface], is_fixed: Sequence[bool]) -> tuple[Su
     for i in range(1, len(result)):
         pair = result[i - 1], result[i]
         reach = min(s.semi_diameter_mm for s in pair)
-        rho = np.linspace(0.0, reach, 2 + int(reach / _STEP_MM))
+        rho = _steps(reach)
         gap = heights_mm(pair[1], *_ring(rho)) - heights_mm(pair[0], *_ring(rho))
         crossed = np.min(np.where(np.isfinite(gap), gap, np.inf), axis=1) < 0.0
         first = int(np.argmax(crossed))
@@ -49,6 +54,11 @@ def uncrossed(surfaces: Sequence[Surface], is_fixed: Sequence[bool]) -> tuple[Su
                     cut = min(result[j].semi_diameter_mm, float(rho[first - 2]))
                     result[j] = dataclasses.replace(result[j], semi_diameter_mm=cut)
     return tuple(result)
+
+
+def _steps(reach_mm: float) -> np.ndarray:
+    """Distances from 0 to a reach, mm, 0.05 mm apart or wider."""
+    return np.linspace(0.0, reach_mm, 2 + int(min(reach_mm / _STEP_MM, _MOST_STEPS)))
 
 
 def _ring(rho_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

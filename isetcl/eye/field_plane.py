@@ -92,8 +92,9 @@ class FieldPlane:
         self.max_field_deg = _least_reach(rim)
         used[0, 1:] = False  # the middle of the fan once
         table = launch[used]
-        self._launch_of_field = _Guesses(field[used], table)
-        self._launch_of_point = _Guesses(seen[used], table)
+        # Newton's method finds launches of a field from afar, those of a retinal point it does not.
+        self._launch_of_field = _Guesses(field[used], table, _FEW)
+        self._launch_of_point = _Guesses(seen[used], table, 0)
 
     def retinal_point_mm(self, x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
         """Point on the retina that receives the direction (x_deg, y_deg), mm, shape (..., 3)."""
@@ -200,21 +201,24 @@ class FieldPlane:
         tolerance: float,
     ) -> np.ndarray:
         """Launch angles at which a function of them, (n, 2), takes the wanted values."""
-        launch, h = guess, _DIFFERENCE_RAD
+        launch, h = guess.copy(), _DIFFERENCE_RAD
+        left = np.arange(len(guess))
         for _ in range(_NEWTON_STEPS):
-            reached = function(launch)
-            miss = wanted - reached
-            if np.max(np.abs(miss), initial=0.0) < tolerance:
+            reached = function(launch[left])
+            miss = wanted[left] - reached
+            far = np.max(np.abs(miss), axis=1, initial=0.0) >= tolerance
+            left, reached, miss = left[far], reached[far], miss[far]
+            if len(left) == 0:
                 break
             slopes = np.stack(
-                [(function(launch + h * e) - reached) / h for e in np.eye(2)], axis=-1
+                [(function(launch[left] + h * e) - reached) / h for e in np.eye(2)], axis=-1
             )
             singular = ~(np.abs(np.linalg.det(slopes)) > 1e-9)
             slopes[singular] = np.eye(2)
             change = np.linalg.solve(slopes, np.where(singular[:, None], 0.0, miss)[..., None])
             change = change[..., 0]
             size = np.linalg.norm(change, axis=1, keepdims=True) / _LONGEST_STEP_RAD
-            launch = launch + change / np.maximum(size, 1.0)
+            launch[left] += change / np.maximum(size, 1.0)
         return launch
 
     def _leave(self, launch: np.ndarray) -> RayBundle:
@@ -281,18 +285,18 @@ def _from_angles(launch: np.ndarray) -> np.ndarray:
 class _Guesses:
     """First guesses from a table: linear between its points, beyond them the nearest one's.
 
-    A few guesses are always the nearest point's: joining the points to triangles takes longer than
-    some more steps of Newton's method.
+    Up to `few` guesses are always the nearest point's: joining the points to triangles takes longer
+    than some more steps of Newton's method.
     """
 
-    def __init__(self, points: np.ndarray, values: np.ndarray) -> None:
-        self._points, self._values = points, values
+    def __init__(self, points: np.ndarray, values: np.ndarray, few: int) -> None:
+        self._points, self._values, self._few = points, values, few
 
     def __call__(self, at: np.ndarray) -> np.ndarray:
         from scipy.spatial import cKDTree
 
         found = np.full(at.shape, np.nan)
-        if len(at) > _FEW:
+        if len(at) > self._few:
             found = np.asarray(self._triangles(at), dtype=np.float64)
         beyond = ~np.isfinite(found).all(axis=1)
         if beyond.any():

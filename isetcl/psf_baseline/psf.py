@@ -173,11 +173,16 @@ def launch(
 
 
 def seen_from(eye: Eye, wavelength_nm: float, rays: RayBundle) -> np.ndarray:
-    """Field angles (x, y) in degrees of the chief rays to the retinal points of rays, (n, 2)."""
+    """Field angles (x, y) in degrees of the chief rays to the retinal points of rays, (n, 2).
+
+    Those of rays that were lost mean nothing.
+    """
     chief = eye.field_map(wavelength_nm)
     point = rays.positions_mm
     if isinstance(chief, FieldPlane):
-        return chief.field_of_point_deg(point)
+        seen = np.zeros((len(point), 2))
+        seen[rays.passed] = chief.field_of_point_deg(point[rays.passed])
+        return seen
     height = np.hypot(point[:, 0], point[:, 1])
     depth = point[:, 2] - eye.retina.vertex_z_mm
     arc = _arc_mm(eye, height, depth)

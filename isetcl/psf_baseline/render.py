@@ -18,8 +18,8 @@ from isetcl.errors import InvalidInputError, check_choice, check_count, check_ty
 from isetcl.eye.field import FieldMap, direction_from_field
 from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye, check_eye_wavelengths
-from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
-from isetcl.eye.scatter import ScatterModel
+from isetcl.eye.people.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.eye.throughput import irradiance_per_radiance
 from isetcl.memory import check_memory
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur

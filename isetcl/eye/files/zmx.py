@@ -8,15 +8,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from isetcl.errors import FileError, InvalidInputError
+from isetcl.errors import FileError, InvalidInputError, check_between
 from isetcl.eye import paraxial
-from isetcl.eye.build import CORNEA_SEMI_DIAMETERS_MM, LENS_SEMI_DIAMETER_MM
 from isetcl.eye.clear_apertures import uncrossed, widest_mm
 from isetcl.eye.files.zmx_frames import Frame, broken, onward, start
 from isetcl.eye.files.zmx_shapes import form_of
 from isetcl.eye.files.zmx_text import ZmxFile, ZmxSurface, read_zmx
 from isetcl.eye.media import AIR, AbbeDispersion, ConstantIndex, Medium
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.models.parts import CORNEA_SEMI_DIAMETERS_MM, LENS_SEMI_DIAMETER_MM
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
@@ -131,6 +131,9 @@ def _medium(record: ZmxSurface, media: Mapping[str, Medium]) -> Medium:
             f"a model glass (line {record.glass_line}) must have an index and an Abbe number as "
             f"its 4th and 5th values, got {' '.join(record.glass)[:60]!r}"
         ) from None
+    check_between(f"the index of a model glass (line {record.glass_line})", index, 1.0, 5.0)
+    if abbe_number != 0:  # zero stands for no dispersion
+        check_between(f"the Abbe number (line {record.glass_line})", abbe_number, 5.0, 1000.0)
     dispersion = AbbeDispersion(index, abbe_number) if abbe_number else ConstantIndex(index)
     return Medium(f"glass {index:g} {abbe_number:g}", dispersion)
 
