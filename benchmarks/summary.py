@@ -102,6 +102,23 @@ def features() -> str:
     )
 
 
+def surfaces() -> str:
+    record = load("surfaces")
+    columns = [f"{p} {k}" for p in ("single", "double") for k in ("own", "all", "paths")]
+    rows = [(name, *(row.get(c) for c in columns)) for name, row in record["cpu_ns"].items()]
+    return "\n\n".join(
+        [
+            "## What shapes of surfaces cost\n\n" + where(record),
+            "CPU ns of a ray through Navarro's eye to the retina, where the front of the cornea, "
+            'the lens or the stop is of another kind; "own" is the kernel that knows what this '
+            'eye needs, "all" one kernel for all of these eyes but those with gradients, which '
+            'are eyes of their own. "paths" are those of the direct pipeline (retina to scene, '
+            "four bands), with its own kernel.",
+            table(("", *columns), rows),
+        ]
+    )
+
+
 def path_features() -> str:
     record = load("path_features")
     rows = [
@@ -193,6 +210,40 @@ def huygens() -> str:
     return "\n\n".join(parts)
 
 
+def gradients() -> str:
+    record = load("gradients")
+    parts = [
+        "## Gradient-index lenses\n\n" + where(record),
+        "Nanoseconds a ray, medians, and how many times the Navarro eye's that is: `trace_rays` in "
+        "both precisions, and the direct pipeline with one uniform plane. Shells have the index "
+        "1.415 - 0.045 (zeta^2)^power.",
+    ]
+    kinds = (
+        ("trace_rays, single", record["trace_rays"]["single"]),
+        ("trace_rays, double", record["trace_rays"]["double"]),
+        ("direct, single", record["direct"]["single"]),
+    )
+    rows = [
+        (eye, *(value for _, of in kinds for value in (of[eye]["ns_median"],
+                                                       of[eye]["times_navarro_median"])))
+        for eye in kinds[0][1]
+    ]  # fmt: skip
+    head = ("eye", *(cell for name, _ in kinds for cell in (name, "times Navarro")))
+    parts.append(table(head, rows))
+    parts.append(
+        "Largest error on the retina of rays over a 3.2 mm pupil, um, against steps through each "
+        "half of the lens."
+    )
+    lenses = [(p, eye) for p, of in record["steps"].items() for eye in of]
+    steps = [row["steps"] for row in record["steps"]["double"]["liou_brennan"]]
+    errors = [
+        (n, *(record["steps"][p][eye][i]["error_um"] for p, eye in lenses))
+        for i, n in enumerate(steps)
+    ]
+    parts.append(table(("steps", *(f"{eye}, {p}" for p, eye in lenses)), errors))
+    return "\n\n".join(parts)
+
+
 def startup() -> str:
     record = load("startup")
     rows = [
@@ -268,10 +319,12 @@ def page() -> str:
         trace_rays,
         direct,
         features,
+        surfaces,
         mesh,
         paths,
         path_features,
         huygens,
+        gradients,
         startup,
         paper_scene,
         convergence,

@@ -52,6 +52,10 @@ def compare(
     ] = None,
     size: Annotated[int, typer.Option(help="Pixels along each side.")] = 384,
     spp: Annotated[int, typer.Option(help="Samples a pixel of the longest trial.")] = 256,
+    methods: Annotated[
+        str,
+        typer.Option(help="PSF methods: names or M0 to M10 with commas between them, or 'all'."),
+    ] = "layered_sum,layered_over",
     output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path(
         "isetcl-compare"
     ),
@@ -60,7 +64,7 @@ def compare(
         str | None, typer.Option(help="OpenCL device: 'platform:device' or part of its name.")
     ] = None,
 ) -> None:
-    """Render two planes by ray tracing and by two PSF methods; write images, errors and a report.
+    """Render two planes by ray tracing and by PSF methods; write images, errors and a report.
 
     Without photographs this is the scene of the paper's Figure 12: checkerboards at 0.5 and 2 m,
     seen by an eye accommodated to the near one.
@@ -82,6 +86,7 @@ def compare(
                 model,
                 fov_deg=field,
                 resolution=size,
+                methods="all" if methods == "all" else [m.strip() for m in methods.split(",")],
                 samples=samples,
                 reference_spp=4 * spp,
                 seed=seed,

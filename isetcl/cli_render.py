@@ -44,8 +44,8 @@ _TIME_HELP = (
     "after 60 s)."
 )
 _DIFFRACTION_HELP = (
-    "At the stop: none, airy (the exact pattern), hurb, iset3d (the paper's HURB), or auto (airy "
-    "where it can be seen)."
+    "At the stop: none, airy (the exact pattern), hurb, iset3d (the paper's HURB), or auto (what "
+    "comes nearest, where it can be seen)."
 )
 _SCATTER_HELP = (
     "Add the light scattered in an eye of this age, years, after the CIE general glare function."
@@ -106,7 +106,7 @@ def render(
 
     Ctrl-C ends a render early and keeps the image so far.
     """
-    from isetcl.eye.scatter import ScatterModel
+    from isetcl.eye.people.scatter import ScatterModel
 
     try:
         with _warnings_as_notes():

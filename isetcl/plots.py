@@ -11,40 +11,66 @@ from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+from isetcl.psf_baseline import methods
 from isetcl.retina.image import RetinalImage
 from isetcl.validation.comparison import Comparison, Trial
 from isetcl.validation.occlusion import OcclusionError
 
 RAY_COLOUR = "#1f4e79"
-METHOD_COLOURS = ("#c0392b", "#2e8b57", "#8e44ad", "#d68910", "#117a8b")
+_METHOD_STYLES = {
+    # Colours apart from their neighbours', markers apart from those of like colours.
+    "single": ("#7f7f7f", "s"),
+    "gather": ("#117a8b", "D"),
+    "splat": ("#d68910", "^"),
+    "splat_normalized": ("#6d4c41", "v"),
+    "layered_sum": ("#c0392b", "s"),
+    "layered_normalized": ("#e377c2", "P"),
+    "layered_over_visible": ("#8e44ad", "X"),
+    "layered_over_normalized": ("#3f51b5", "h"),
+    "ikoma": ("#bcbd22", "*"),
+    "layered_over": ("#2e8b57", "D"),
+    "pupil_clipped": ("#000000", "P"),
+    "aperture_samples": ("#ff5722", "o"),
+}
+_OTHER_STYLE = ("#444444", "p")
+_IMAGES_ACROSS = 4
+_MOST_LINES = 4  # methods whose profiles can be told apart in one panel
+_ACROSS_EDGE = "distance from the depth edge (arcmin); near plane at the left"
 _STRIP_COLOUR = "#f2c14e"
 _OBJECT_COLOURS = colormaps["tab20"]
 _NOTHING = 0.75  # grey
 MOST_NAMES = 20
 """Names in the legend of a map of objects."""
 
-METHOD_LABELS = {
-    "ray tracing": "ray tracing",
-    "layered_sum": "layered sum (M3)",
-    "layered_over": "layered over (M8)",
-}
-
 
 def method_label(name: str) -> str:
     """How a method is called in figures and tables."""
-    return METHOD_LABELS.get(name, name)
+    known = methods().get(name)
+    return name if known is None else f"{name.replace('_', ' ')} ({known.id})"
+
+
+def method_style(name: str) -> tuple[str, str]:
+    """Colour and marker of a method, the same in all figures."""
+    return _METHOD_STYLES.get(name, _OTHER_STYLE)
 
 
 def retinal_images(comparison: Comparison, white_point: str = "E") -> Figure:
     """All images side by side in the same exposure."""
     images = [("ray tracing", comparison.reference), *comparison.images.items()]
     white = float(np.percentile(comparison.reference.illuminance_lux, 99.5))
-    figure = Figure(figsize=(4.6 * len(images), 4.7), layout="constrained")
-    axes = figure.subplots(1, len(images), sharey=True, squeeze=False)[0]
-    for ax, (name, image) in zip(axes, images, strict=True):
+    across = min(len(images), _IMAGES_ACROSS)
+    down = -(-len(images) // across)
+    figure = Figure(figsize=(4.6 * across, 4.7 * down), layout="constrained")
+    axes = figure.subplots(down, across, sharex=True, sharey=True, squeeze=False).ravel()
+    for i, (ax, (name, image)) in enumerate(zip(axes, images, strict=False)):
         image.plot(ax, white_lux=white, white_point=white_point)
         ax.set_title(method_label(name))
-        ax.set_ylabel("visual angle (deg)" if ax is axes[0] else "")
+        ax.set_ylabel("visual angle (deg)" if i % across == 0 else "")
+        is_lowest = i + across >= len(images)
+        ax.tick_params(labelbottom=is_lowest)
+        ax.set_xlabel("visual angle (deg)" if is_lowest else "")
+    for ax in axes[len(images) :]:
+        ax.set_visible(False)
     return figure
 
 
@@ -146,45 +172,88 @@ def _mark_edges(ax: Axes, reference: RetinalImage, error: OcclusionError, colour
 
 
 def edge_profiles(comparison: Comparison, edge_angle_deg: float) -> Figure:
-    """Profiles of all methods across the depth edge, where the first PSF method errs most."""
-    reference = comparison.reference
-    images = [("ray tracing", reference), *comparison.images.items()]
+    """Profiles of all methods across the depth edge, where the first PSF method errs most.
+
+    Photopic and at three wavelengths; of more than four methods photopic only, a panel for each.
+    """
     error = next(iter(comparison.errors.values()))
-    x, y = reference.dataset["x"].values, reference.dataset["y"].values
+    x, y = (comparison.reference.dataset[axis].values for axis in ("x", "y"))
     position, line = _line_across(x, y, edge_angle_deg, _worst_place(error, edge_angle_deg))
-    wavelengths = reference.wavelengths_nm
+    inside = _sample(error.strip.astype(float), line) > 0.5
+    if len(comparison.images) > _MOST_LINES:
+        figure = _profiles_by_method(comparison, position, line, inside)
+    else:
+        figure = _profiles_by_wavelength(comparison, position, line, inside)
+    figure.suptitle(
+        "Across the depth edge, where the first PSF method errs most (shaded: within a |D1 - D2|)"
+    )
+    return figure
+
+
+def _profiles_by_wavelength(
+    comparison: Comparison,
+    position: np.ndarray,
+    line: tuple[np.ndarray, np.ndarray],
+    inside: np.ndarray,
+) -> Figure:
+    """All methods in one panel, a panel for each of some wavelengths."""
+    images = [("ray tracing", comparison.reference), *comparison.images.items()]
+    wavelengths = comparison.reference.wavelengths_nm
     shown: list[int | None] = [None]
     if len(wavelengths) > 1:
         shown += [int(np.argmin(np.abs(wavelengths - w))) for w in (450.0, 550.0, 650.0)]
     figure = Figure(figsize=(10.6, 7.2), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True)
-    strip = _sample(error.strip.astype(float), line)
-    styles = ("-", (0, (4, 1.5)), (0, (1.5, 1.5)))
+    styles = ("-", (0, (4, 1.5)), (0, (1.5, 1.5)), (0, (6, 1.5, 1.5, 1.5)), (0, (3, 3)))
     for ax, index in zip(axes.ravel(), shown, strict=False):
         for i, (name, image) in enumerate(images):
             ax.plot(
                 60.0 * position,
                 _sample(_quantity(image, index), line),
-                color=RAY_COLOUR if i == 0 else METHOD_COLOURS[i - 1],
+                color=RAY_COLOUR if i == 0 else method_style(name)[0],
                 lw=2.2 if i == 0 else 1.5,
-                ls=styles[min(i, 2)],
+                ls=styles[i],
                 label=method_label(name),
                 zorder=2 if i == 0 else 3,
             )
-        _shade(ax, 60.0 * position, strip > 0.5)
+        _shade(ax, 60.0 * position, inside)
         ax.set_ylim(bottom=0)
         ax.set_title("photopic" if index is None else f"{wavelengths[index]:g} nm")
         unit = "illuminance (lux)" if index is None else "irradiance (W m$^{-2}$ nm$^{-1}$)"
         ax.set_ylabel(unit)
     for ax in axes[-1]:
-        ax.set_xlabel("distance from the depth edge (arcmin); near plane at the left")
+        ax.set_xlabel(_ACROSS_EDGE)
     for ax in axes.ravel()[len(shown) :]:
         ax.set_visible(False)
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
-    figure.suptitle(
-        "Across the depth edge, where the first PSF method errs most (shaded: within a |D1 - D2|)"
-    )
+    return figure
+
+
+def _profiles_by_method(
+    comparison: Comparison,
+    position: np.ndarray,
+    line: tuple[np.ndarray, np.ndarray],
+    inside: np.ndarray,
+) -> Figure:
+    """Photopic profiles, each method over the reference in a panel of its own."""
+    count = len(comparison.images)
+    down = -(-count // 3)
+    figure = Figure(figsize=(10.6, 2.4 * down + 0.8), layout="constrained")
+    axes = figure.subplots(down, 3, sharex=True, sharey=True, squeeze=False)
+    truth = _sample(_quantity(comparison.reference, None), line)
+    for ax, (name, image) in zip(axes.ravel(), comparison.images.items(), strict=False):
+        ax.plot(60.0 * position, truth, color=RAY_COLOUR, lw=2.2)
+        found = _sample(_quantity(image, None), line)
+        ax.plot(60.0 * position, found, color="#c0392b", lw=1.4, ls=(0, (4, 1.5)))
+        _shade(ax, 60.0 * position, inside)
+        ax.set_title(method_label(name), fontsize=10)
+    # All panels share their axes: only now is the highest curve known.
+    axes[0, 0].set_ylim(bottom=0)
+    for ax in axes.ravel()[count:]:
+        ax.set_visible(False)
+    figure.supxlabel(_ACROSS_EDGE)
+    figure.supylabel("illuminance (lux); solid: ray tracing, dashed: the method")
     return figure
 
 
@@ -247,7 +316,8 @@ def _sample(values: np.ndarray, line: tuple[np.ndarray, np.ndarray]) -> np.ndarr
 
 def error_against_time(trials: Sequence[Trial]) -> Figure:
     """Every method and sample count: error against run time, over the image and in the strip."""
-    figure = Figure(figsize=(10.6, 5.2), layout="constrained")
+    names = [t.method for t in trials if t.spp is None]
+    figure = Figure(figsize=(10.6, 5.0 + 0.2 * (len(names) // 4)), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
     regions = (("error", "whole image"), ("error_strip", "within a |D1 - D2| of the depth edge"))
     for ax, (field, title) in zip(axes, regions, strict=True):
@@ -256,7 +326,8 @@ def error_against_time(trials: Sequence[Trial]) -> Figure:
         ax.set_xlabel("run time (s)")
     axes[0].set_ylabel("root-mean-square error (% of the mean illuminance)")
     handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
+    columns = len(labels) if len(labels) <= _MOST_LINES + 1 else _IMAGES_ACROSS
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns, frameon=False)
     figure.suptitle(
         "Error against run time (independent ray-traced reference, its noise subtracted)"
     )
@@ -286,17 +357,20 @@ def _draw_trials(ax: Axes, trials: Sequence[Trial], field: str) -> None:
             fontsize=9,
             color=RAY_COLOUR,
         )
-    for i, t in enumerate(t for t in trials if t.spp is None):
-        colour = METHOD_COLOURS[i % len(METHOD_COLOURS)]
-        ax.loglog(
-            t.seconds,
-            percent(t),
-            "sD^vP"[i % 5],
-            ms=9,
-            color=colour,
-            label=method_label(t.method),
-            ls="",
-        )
+    for t in trials:
+        if t.spp is None:
+            colour, marker = method_style(t.method)
+            ax.loglog(
+                t.seconds,
+                percent(t),
+                marker,
+                ms=14 if marker == "*" else 10,
+                color=colour,
+                label=method_label(t.method),
+                ls="",
+                mec="white",
+                mew=0.5,
+            )
     ax.margins(0.15)
     for axis in (ax.xaxis, ax.yaxis):
         axis.set_major_locator(LogLocator(base=10, subs=(1.0, 2.0, 5.0)))

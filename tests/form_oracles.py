@@ -19,6 +19,7 @@ from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.surface import form_sag
 
 mp.mp.dps = 50
 
@@ -243,15 +244,14 @@ def rays_onto(element, fields_deg, count, sense=1.0, seed=3):
             )
             r = 0.97 * element.semi_diameter_mm * math.sqrt(rng.uniform())
             x, y = r * math.cos(place), r * math.sin(place)
-            local = np.array([x, y, _sag(element, x, y)])
+            z = form_sag(
+                element.curvature, element.conic, element.shape, np.array([x]), np.array([y])
+            )
+            local = np.array([x, y, z[0]])
             point, _ = element.leave(local[None], local[None])
             origins.append(point[0] - 8.0 * d)
             directions.append(d)
     return np.array(origins), np.array(directions)
-
-
-def _sag(element, x, y):
-    return float(mp_sag(element)(mp.mpf(x), mp.mpf(y)))
 
 
 def irregular_eye():

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl.eye import geometric
-from isetcl.eye.chromatic import lca_dpt, tca_arcmin
-from isetcl.eye.polychromatic import polychromatic_mtf, polychromatic_otf
-from isetcl.eye.refraction_error import longitudinal_spherical_aberration_dpt, oblique_foci
+from isetcl.eye.aberrations import geometric
+from isetcl.eye.aberrations.chromatic import lca_dpt, tca_arcmin
+from isetcl.eye.aberrations.polychromatic import polychromatic_mtf, polychromatic_otf
+from isetcl.eye.aberrations.refraction_error import (
+    longitudinal_spherical_aberration_dpt,
+    oblique_foci,
+)
 
 HEIGHTS = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]
 LCA_NM = [400.0, 430.0, 458.0, 486.0, 543.0, 632.8, 656.0, 700.0, 770.0]

@@ -7,12 +7,21 @@ import pytest
 from scipy.special import ellipeinc
 
 import isetcl as ic
-from isetcl.eye import astigmatism
+from isetcl.eye import sequential
+from isetcl.eye.aberrations import geometric
 from isetcl.eye.exit_pupil import exit_pupil_bound
 from isetcl.eye.exit_pupil_plane import plane_pupil_bound
 from isetcl.eye.field import direction_from_field
+from isetcl.eye.object_point import ObjectPoint
 from isetcl.eye.placement import Placement
-from isetcl.eye.retina_form import arc_coordinates_mm, off_relief, onto_relief, retinal_normal
+from isetcl.eye.retina_form import (
+    arc_coordinates_mm,
+    off_relief,
+    onto_relief,
+    retina_element,
+    retinal_normal,
+)
+from isetcl.eye.sequential import intersect
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.throughput import (
@@ -161,6 +170,54 @@ def test_a_mirrored_eye_has_mirrored_chief_rays():
     assert np.max(np.abs(point[0, :2])) > 0.02  # no trivial symmetry
 
 
+@pytest.mark.parametrize("field", [(0.0, 0.0), (6.0, -4.0)])
+def test_the_chief_ray_of_a_wavefront_lands_where_the_map_says(field):
+    eye = crooked()
+    source = ObjectPoint(eye, field, NM, object_distance_m=0.5)
+    chief = source.chief()
+    expected = eye.field_map(NM).retinal_point_mm(*np.array(field))
+    np.testing.assert_allclose(chief.point_mm[0], expected, atol=1e-9)
+    np.testing.assert_allclose(chief.stop_mm[0], eye.stop.decentre_mm, atol=1e-9)
+    np.testing.assert_allclose(chief.entrance_mm[0], 0.0, atol=1e-9)
+
+
+def test_the_pupil_of_a_wavefront_is_the_ellipse_of_the_stop():
+    eye = changed(
+        ic.eyes.navarro(4.0),
+        stop=dataclasses.replace(
+            ic.eyes.navarro(4.0).stop,
+            decentre_mm=(0.3, -0.2),
+            minor_diameter_mm=2.0,
+            axis_deg=25.0,
+        ),
+    )
+    front = eye.wavefront((0.0, 0.0), NM, samples=256)
+    x, y = front.entrance_mm[front.inside].T
+    weights = front.area_mm2[front.inside]
+    # Second moments of an ellipse: a quarter of its squared semi-axes along and across.
+    turn = np.radians(25.0)
+    along, across = x * np.cos(turn) + y * np.sin(turn), y * np.cos(turn) - x * np.sin(turn)
+    magnification = eye.entrance_pupil(NM).magnification
+    for values, semi in ((along, 2.0), (across, 1.0)):
+        values = values - np.average(values, weights=weights)
+        moment = np.average(values**2, weights=weights)
+        # Pupil aberration makes the image of the stop 1 % smaller than the paraxial one.
+        assert 2.0 * np.sqrt(moment) == pytest.approx(semi * magnification, rel=0.02)
+
+
+@pytest.mark.parametrize("field", [(0.0, 0.0), (6.0, -4.0)])
+def test_the_normals_of_a_wavefront_are_the_rays_of_the_spot_diagram(field):
+    eye = crooked()
+    traced = geometric.spot(eye, field, NM)
+    implied = geometric.spot_of_wavefront(eye.wavefront(field, NM, samples=128))
+    assert implied.rms_arcmin == pytest.approx(traced.rms_arcmin, rel=2e-3)
+    assert implied.centroid_arcmin == pytest.approx(traced.centroid_arcmin, abs=0.02)
+    for orientation in (0.0, 45.0, 90.0):
+        np.testing.assert_allclose(
+            implied.mtf([2.0, 5.0], orientation), traced.mtf([2.0, 5.0], orientation), atol=3e-3
+        )
+
+
 # Irradiance.
 
 
@@ -173,7 +230,7 @@ def counted_irradiance(eye, field, side=700):
     axis = (np.arange(side) + 0.5) / side * 2.0 * half - half
     x, y = np.meshgrid(axis, axis)
     ray = np.stack([x.ravel(), y.ravel(), np.full(x.size, pupil.z_mm)], axis=1) - start
-    rays = ic.trace_rays(eye, np.broadcast_to(start, ray.shape), ray, NM, towards="scene")
+    rays = sequential.trace(eye, np.broadcast_to(start, ray.shape), ray, NM, towards="scene")
     normal = retinal_normal(eye.retina, start[None])[0]
     distance2 = np.sum(ray**2, axis=1)
     cosines = (ray @ normal) * ray[:, 2] / distance2
@@ -182,16 +239,8 @@ def counted_irradiance(eye, field, side=700):
     return float(np.sum(weight * rays.passed))
 
 
-def host_traced(monkeypatch):
-    """`isetcl.trace_rays` on the host."""
-    from isetcl.eye import sequential
-
-    monkeypatch.setattr(ic, "trace_rays", sequential.trace, raising=False)
-
-
 @pytest.mark.parametrize("field", [(0.0, 0.0), (20.0, -10.0)])
-def test_throughput_is_what_counted_rays_give(field, monkeypatch):
-    host_traced(monkeypatch)
+def test_throughput_is_what_counted_rays_give(field):
     eye = crooked()
     got = plane_irradiance_per_radiance(eye, NM, eye.field_map(NM), np.array([field]))[0]
     # A grid of 700 across counts an outline to about 2e-4 of its area.
@@ -211,104 +260,8 @@ def test_no_ray_that_passes_the_stop_lies_outside_the_bound():
     edge = values[:, None, :2] + np.einsum("fij,aj->fai", values[:, 2:].reshape(-1, 2, 2), rim)
     start = np.repeat(grid.field_map.retinal_point_mm(*at.T), len(turn), axis=0)
     target = np.concatenate([edge.reshape(-1, 2), np.full((edge.size // 2, 1), bound.z_mm)], axis=1)
-    from isetcl.eye import sequential
-
     rays = sequential.trace(eye, start, target - start, NM, towards="scene")
     assert not rays.passed.any()
-
-
-# Astigmatism.
-
-
-def reduced_toric(radius_x, radius_y, axis_deg=0.0, stop_mm=0.1):
-    """One toric surface in front of water, focused on infinity by its y section."""
-    water = ic.Medium("water", ic.ConstantIndex(4.0 / 3.0))
-    surface = ic.Surface.toric(
-        "cornea",
-        0.0,
-        (radius_x, radius_y),
-        axis_deg=axis_deg,
-        semi_diameter_mm=4.0,
-        medium_after=water,
-    )
-    stop = ic.Stop(0.01, stop_mm)
-    return ic.Eye("toric", (surface,), stop, ic.Retina.from_radius(22.2, -12.0))
-
-
-@pytest.mark.parametrize("axis_deg", [0.0, 30.0, 90.0, 135.0])
-def test_a_toric_cornea_has_the_cylinder_of_its_radii(axis_deg):
-    radius_x, radius_y = 5.3, 5.7
-    eye = reduced_toric(radius_x, radius_y, axis_deg)
-    vergence = 1000.0 * (4.0 / 3.0) / 22.2
-    in_x, in_y = (vergence - 1000.0 / 3.0 / r for r in (radius_x, radius_y))
-    mean, half = (in_x + in_y) / 2.0, (in_x - in_y) / 2.0
-    turn = np.radians(2.0 * axis_deg)
-    expected = (mean, half * np.cos(turn), half * np.sin(turn))
-    got = astigmatism.paraxial_refraction(eye, NM)
-    assert dataclasses.astuple(got) == pytest.approx(expected, abs=1e-9)
-    # Real rays of a narrow pupil; their entrance pupil lies 10 um behind the vertex.
-    real = eye.wavefront((0.0, 0.0), NM, samples=64).refraction()
-    assert dataclasses.astuple(real) == pytest.approx(expected, abs=2e-3)
-    power = [1000.0 / 3.0 / r for r in (radius_x, radius_y)]
-    meridians = astigmatism.principal_meridians(eye, NM)
-    assert meridians.power_dpt == pytest.approx((power[0], power[1]), abs=1e-9)
-    assert meridians.axis_deg == pytest.approx(axis_deg % 180.0, abs=1e-6)
-    assert eye.power_dpt(NM) == pytest.approx(sum(power) / 2.0, abs=1e-9)
-
-
-def test_the_power_matrix_of_a_whole_eye_turns_real_rays():
-    eye = crooked()
-    eye = changed(
-        eye,
-        surfaces=tuple(
-            dataclasses.replace(
-                s,
-                placement=None if s.placement is None else Placement(axis_deg=s.placement.axis_deg),
-            )
-            for s in eye.surfaces
-        ),
-    )
-    h = 1e-4
-    origins = np.array([(h, 0.0, -1.0), (0.0, h, -1.0)])
-    from isetcl.eye.prescription import elements
-    from isetcl.eye.sequential import trace_elements
-
-    refracting = tuple(e for e in elements(eye, NM)[:-1] if e.name != "stop")
-    rays = trace_elements(refracting, origins, np.array([(0.0, 0.0, 1.0)] * 2), "retina")
-    slope = rays.directions[:, :2] / rays.directions[:, 2:]
-    got = -slope.T * float(eye.indices(NM)[-1]) / h * 1000.0
-    expected = astigmatism.power_matrix_dpt(eye, NM)
-    np.testing.assert_allclose(got, expected, atol=1e-4)
-    assert abs(expected[0, 1]) > 0.3
-
-
-def test_focal_lines_of_sturm_s_interval_lie_where_the_powers_say():
-    eye = reduced_toric(5.3, 5.7)
-    source = eye.wavefront((0.0, 0.0), NM)  # the eye is legal
-    assert source.rms_um > 0
-    from isetcl.eye.prescription import elements
-    from isetcl.eye.sequential import trace_elements
-
-    cornea = elements(eye, NM)[:1]
-    turn = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-    h = 0.01
-    origins = np.stack([h * np.cos(turn), h * np.sin(turn), np.full(16, -1.0)], axis=1)
-    rays = trace_elements(cornea, origins, np.broadcast_to([0.0, 0.0, 1.0], (16, 3)), "retina")
-    for axis, radius in ((0, 5.3), (1, 5.7)):
-        z = 4.0 * radius  # n' / F = (4/3) / ((1/3) / R)
-        along = (z - rays.positions_mm[:, 2]) / rays.directions[:, 2]
-        place = rays.positions_mm + along[:, None] * rays.directions
-        # A line: no width across, and that of similar triangles along.
-        assert np.max(np.abs(place[:, axis])) < 1e-6 * 10
-        other = 4.0 * (5.7 if axis == 0 else 5.3)
-        assert np.max(np.abs(place[:, 1 - axis])) == pytest.approx(h * abs(1 - z / other), rel=1e-3)
-
-
-def test_an_astigmatic_eye_is_in_focus_at_the_circle_of_least_confusion():
-    eye = reduced_toric(5.5, 5.7)
-    # The mean square is (P_x + V)^2 + (P_y + V)^2: least at the mean.
-    mean = -astigmatism.paraxial_refraction(eye, NM).m_dpt
-    assert eye.focus_vergence_dpt(NM) == pytest.approx(mean, abs=2e-3)
 
 
 # Retinas.
@@ -351,6 +304,20 @@ def bumpy(height_mm=0.1):
     eye = ic.eyes.navarro(3.0)
     retina = dataclasses.replace(eye.retina, shape=HeightMap(bump, 8.0, 8.0))
     return changed(eye, retina=retina)
+
+
+def test_a_relief_on_a_tilted_retina_lies_on_the_surface_that_rays_meet():
+    plain = bumpy()
+    place = Placement((0.3, -0.2), (3.0, -4.0), 20.0)
+    retina = dataclasses.replace(plain.retina, placement=place)
+    eye = changed(plain, retina=retina)
+    chief = eye.field_map(NM)
+    fields = np.array([(0.0, 0.0), (3.0, 2.0), (-2.0, 1.0)])
+    point = chief.retinal_point_mm(*fields.T)
+    away = retinal_normal(retina, point)
+    hit = intersect(point - away, away, retina_element(retina), 1.0)
+    np.testing.assert_allclose(hit.position, point, atol=1e-9)
+    np.testing.assert_allclose(chief.field_of_point_deg(point), fields, atol=1e-9)
 
 
 def test_a_relief_lifts_points_along_its_axis_and_tilts_their_normals():

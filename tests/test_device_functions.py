@@ -219,11 +219,11 @@ def test_structs_have_the_same_size_on_both_sides(device, precision):
 
 
 def test_the_direction_numbers_are_joe_and_kuo_s():
-    # scipy ships the same table; compare the unscrambled sequence of dimension 2 to 4.
+    # scipy ships the same table; compare the unscrambled sequences.
     from isetcl.render.sobol import directions
 
-    table = np.array(directions(), dtype=np.uint64).reshape(4, 32)
-    for dimension in range(4):
+    table = np.array(directions(), dtype=np.uint64).reshape(8, 32)
+    for dimension in range(8):
         words = sobol_integers(64, dimension)
         for index in range(64):
             digits = 0

@@ -14,12 +14,15 @@ from typer.testing import CliRunner
 import isetcl as ic
 from isetcl.cli import app
 from isetcl.errors import InvalidInputError
-from isetcl.eye.airy import FIRST_ZERO, circle_otf, share_beyond
+from isetcl.eye.aberrations.geometric import spot
+from isetcl.eye.bending.airy import FIRST_ZERO, circle_otf, share_beyond
+from isetcl.eye.bending.bent_otf import bent_otf
+from isetcl.eye.bending.ray_bending import Airy, Hurb
 from isetcl.render import sobol
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.paths import PathPipeline
 from isetcl.render.plan import plan
-from isetcl.render.plan_bends import AUTO_BOUND, mtf_change
+from isetcl.render.plan_bends import AUTO_BOUND, mtf_errors
 from isetcl.retina.bands import choose_bands
 from isetcl.spectrum import luminous_efficiency
 
@@ -248,27 +251,44 @@ def test_the_default_compiles_no_bends():
     assert prepared.bends.describe() == {"diffraction": None, "scatter": None}
 
 
-def test_auto_turns_diffraction_on_where_pixels_can_show_it():
-    eye = ic.eyes.navarro(2.0)
-    fine = plan(empty_scene(), eye, fov_deg=1.0, resolution=128, diffraction="auto")
-    coarse = plan(empty_scene(), eye, fov_deg=40.0, resolution=32, diffraction="auto")
-    assert fine.config.diffraction == "airy"
-    assert coarse.config.diffraction == "none"
-    for prepared, is_on in ((fine, True), (coarse, False)):
-        wavelength = 550.0
-        change, _ = mtf_change(eye, prepared.grid, wavelength)
-        assert (change > AUTO_BOUND) == is_on
-        reason = decision(prepared, "diffraction").reason
-        assert f"{change:.2g}" in reason
-        assert f"{AUTO_BOUND:g}" in reason
+@pytest.mark.parametrize(
+    ("eye", "resolution", "chosen"),
+    [(PERFECT, 128, "airy"), (ic.eyes.navarro(2.0), 128, "iset3d"), (PERFECT, 2, "none")],
+)
+def test_auto_takes_what_comes_nearest_to_the_exact_transfer(eye, resolution, chosen):
+    prepared = plan(empty_scene(), eye, fov_deg=2.0, resolution=resolution, diffraction="auto")
+    assert prepared.config.diffraction == chosen
+    errors = mtf_errors(eye, prepared.grid, prepared.wavelengths_nm)
+    assert (errors["none"] > AUTO_BOUND) == (chosen != "none")
+    told = decision(prepared, "diffraction").reason
+    for error in errors.values():
+        assert f"{error:.2g}" in told
+    assert f"bound {AUTO_BOUND:g}" in told
+    if chosen == "iset3d":
+        assert errors["hurb"] < 0.025 < errors["airy"] < errors["none"]
 
 
-def test_the_change_that_auto_weighs_is_that_of_a_perfect_eye():
-    # No blur: sinc(f p) (1 - D(f)) at its largest up to half a cycle a pixel.
+def test_the_errors_that_auto_weighs_are_those_of_a_perfect_eye():
+    # No blur: sinc(f p) (1 - D(f)) at its largest up to half a cycle a pixel, and none with airy.
     grid = ic.RetinalGrid.of(PERFECT, 1.0, 100)
-    f = np.linspace(0.0, 50.0, 5001)
+    f = np.linspace(0.0, 50.0, 13)
     exact = np.max(np.sinc(f * 0.01) * (1 - circle_otf(f / CUTOFF_CPD)))
-    assert mtf_change(PERFECT, grid, WAVELENGTH)[0] == pytest.approx(exact, rel=2e-3)
+    errors = mtf_errors(PERFECT, grid, GREEN)
+    assert errors["none"] == pytest.approx(exact, abs=2e-3)
+    assert errors["airy"] < 3e-3
+
+
+@pytest.mark.parametrize("model", [Airy(), Hurb(), Hurb.iset3d()])
+def test_rays_of_an_aberrated_eye_have_the_closed_form_s_transfer(model):
+    # The kernels draw at random what `bent_otf` sums over the pupil.
+    eye = ic.eyes.navarro(4.0)
+    frequency = np.array([2.0, 5.0, 10.0, 20.0])
+    index = float(eye.indices(WAVELENGTH)[2])
+    rays = spot(eye, wavelength_nm=WAVELENGTH)
+    expected = bent_otf(rays, model, frequency, stop=eye.stop, stop_index=index)
+    found, error = leave(eye, diffraction=model, samples=2048).otf(frequency)
+    assert np.all(np.abs(found - expected.real) < 4 * error + 0.004)
+    assert np.max(np.abs(expected.imag)) < 1e-6
 
 
 def test_diffraction_asks_for_more_bands():

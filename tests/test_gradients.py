@@ -378,6 +378,43 @@ def test_a_ray_that_turns_round_in_a_lens_misses_what_is_behind_it(precision):
     assert np.isfinite(got.positions_mm).all()
 
 
+def test_near_the_angle_where_rays_turn_round_none_is_wrong(precision):
+    sequence = [e for e in elements(turning_eye(), LIOU_NM) if e.vertex_z_mm > 3.0]
+    sequence = tuple(e for e in sequence if e.kind is ElementKind.REFRACT)
+    angle = np.radians(np.linspace(30.0, 70.0, 1001))
+    directions = np.stack([0 * angle, np.sin(angle), np.cos(angle)], axis=1)
+    origins = np.array([0.0, 0.0, 3.66]) - 0.01 * directions
+    host = trace_elements(sequence, origins, directions, "retina")
+    # 1.336 sin(52.13 deg) is the index at the equator, 1.5 - 0.28 1.59.
+    assert np.degrees(angle[host.status == RayStatus.MISSED][0]) == pytest.approx(52.15, abs=0.05)
+    got = on_device(sequence, precision, origins, directions)
+    assert not np.any(got.passed & ~host.passed)
+    # Those that nearly graze the equator may be lost, but none lands elsewhere.
+    assert got.passed.sum() > 0.85 * host.passed.sum()
+    off = np.linalg.norm(got.positions_mm - host.positions_mm, axis=1)[got.passed]
+    assert off.max() < {"single": 1e-4, "double": 1e-7}[precision]
+
+
+@pytest.mark.parametrize("make", [liou_eye, lambda **o: shell_eye(7.0, **o)])
+def test_oblique_rays_all_over_the_lens_are_not_lost(make, precision):
+    sequence = elements(make(stop_mm=8.0), LIOU_NM)[3:]
+    count, rng = 4000, np.random.default_rng(1)
+    theta, phi = rng.uniform(0.0, 0.85, count), rng.uniform(0.0, 2 * np.pi, count)
+    sine = np.sin(theta)
+    directions = np.stack([sine * np.cos(phi), sine * np.sin(phi), np.cos(theta)], axis=1)
+    over = np.append(rng.uniform(-3.5, 3.5, (count, 2)), np.full((count, 1), 4.2), axis=1)
+    origins = over - 3.0 * directions
+    host = trace_elements(sequence, origins, directions, "retina")
+    got = on_device(sequence, precision, origins, directions)
+    assert host.passed.sum() > 2000
+    # A ray on a rim falls to either side.
+    assert np.sum(got.status != host.status) <= {"single": 2, "double": 0}[precision]
+    both = got.passed & host.passed
+    off = np.linalg.norm(got.positions_mm - host.positions_mm, axis=1)[both]
+    assert np.quantile(off, 0.99) < {"single": 1e-5, "double": 1e-9}[precision]
+    assert off.max() < {"single": 5e-5, "double": 1e-8}[precision]
+
+
 def test_rays_that_leave_a_lens_sideways_are_lost_and_finite(precision):
     eye = shell_eye(7.0, stop_mm=7.0)
     i = np.arange(64)

@@ -145,6 +145,16 @@ def test_the_comparison_ranks_the_methods_as_theory_does(comparison):
     assert traced[64].error < traced[8].error
 
 
+def test_all_methods_are_every_method_once():
+    from isetcl.validation import comparison as module
+
+    known = list(ic.psf_baseline.methods())
+    assert module._method_names("all") == known
+    assert module._method_names(["M8", "layered_over", "M3"]) == ["layered_over", "layered_sum"]
+    with pytest.raises(ic.InvalidInputError, match="methods"):
+        module._method_names("M8")
+
+
 def test_the_error_of_a_trial_is_measured_and_agrees_with_what_it_reports(comparison):
     for trial in comparison.trials:
         if trial.spp is not None:

@@ -61,10 +61,11 @@ def test_every_feature_is_found_when_it_is_needed():
         stop=dataclasses.replace(eye.stop, decentre_mm=(0.2, 0.1)),
         accommodation_model=None,
     )
-    plan = ic.plan(scene, aspheric, fov_deg=130.0, resolution=16, bands=1)
+    bends = {"diffraction": "airy", "scatter": ic.ScatterModel()}
+    plan = ic.plan(scene, aspheric, fov_deg=130.0, resolution=16, bands=1, **bends)
     # Surfaces of other shapes and in other places are those of test_surfaces.py.
     of_eyes = {f.name for f in dataclasses.fields(EyeFeatures) if f.name.startswith("has_")}
-    others = of_eyes - {"has_conics"} | {"has_scatter"}
+    others = of_eyes - {"has_conics", "has_placed_stop"} | {"has_relief"}
     assert {name for name, value in features(plan).items() if not value} == others
     # Equal energy and the three primaries; D65 is the sum of the primaries.
     assert plan.config.n_basis == 4

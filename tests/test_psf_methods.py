@@ -1,5 +1,6 @@
 """PSF methods M0 to M10 against closed forms, the integral they approximate, and ray tracing."""
 
+import dataclasses
 import math
 
 import numpy as np
@@ -10,7 +11,7 @@ from oracles import reduced_eye
 import isetcl as ic
 from isetcl.psf_baseline import geometric_psf, methods, pupil_offsets
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
-from isetcl.psf_baseline.pupil import thin_lens_offsets
+from isetcl.psf_baseline.pupil import PupilOffsets, thin_lens_offsets
 from isetcl.psf_baseline.slicing import closed, soft_slices
 from isetcl.psf_baseline.view import Layer
 
@@ -106,12 +107,10 @@ def test_methods_that_follow_rays_have_no_edge_error(name, case):
     assert integral < 0.005
 
 
-def test_one_psf_is_as_wrong_at_an_edge_as_the_sum_where_the_other_layer_is_sharp():
-    # The far layer covers as much, the nearer one is taken: case B blurs the far one like it,
-    # which the sum of equal blur gets right; in case A all stays sharp, which is right too, since
-    # what is blurred is even.
-    for case in CASES:
-        assert edge_errors("single", *CASES[case])[0] < 1e-3
+@pytest.mark.parametrize("case", CASES)
+def test_one_psf_is_that_of_the_nearer_of_two_layers_alike(case):
+    # Half the view each. Before an even field only the nearer layer's blur is to be seen.
+    assert edge_errors("single", *CASES[case])[0] < 1e-3
 
 
 # ---- textures -------------------------------------------------------------------------------
@@ -199,11 +198,12 @@ def test_clipped_psfs_and_aperture_samples_converge_to_the_integral(functions, d
 
     # What is left beside the cells: samples of a finite size.
     floor = 0.0035
-    assert rms("pupil_clipped", 200) < floor
-    assert rms("aperture_samples", 400) < floor
+    clipped, sampled_views = rms("pupil_clipped", 100), rms("aperture_samples", 300)
+    assert clipped < floor
+    assert sampled_views < floor
     # Few cells leave more; perfect layers put over each other are worse than either.
-    assert rms("pupil_clipped", 4) > 2.0 * rms("pupil_clipped", 200)
-    assert rms("aperture_samples", 8) > 4.0 * rms("aperture_samples", 400)
+    assert rms("pupil_clipped", 3) > 2.0 * clipped
+    assert rms("aperture_samples", 8) > 4.0 * sampled_views
     assert rms("layered_over", 0) > 2.0 * floor
 
 
@@ -212,9 +212,9 @@ def test_layers_of_equal_defocus_are_blurred_as_one_picture(name):
     layers = [sampled(f, float(k)) for k, f in enumerate((far_wall, bar, curtain))]
     seen = sum(each.colour for each in visible(layers))
     image = combined(name, layers, (9.0, 9.0, 9.0))
-    from scipy.signal import fftconvolve
+    from scipy.ndimage import convolve
 
-    truth = fftconvolve(seen[0].astype(float), disc(9.0).kernel, mode="same")
+    truth = convolve(seen[0].astype(float), disc(9.0).kernel, mode="constant")
     inner = slice(12, -12)
     assert np.max(np.abs(image - truth)[inner, inner]) < 1e-5
 
@@ -381,22 +381,47 @@ def test_a_ramp_is_even_with_soft_slices_over_each_other_and_dark_with_hard_ones
     light = ic.Spectrum.constant(1.0)
     scene = ic.Scene((ic.SceneObject("ramp", quad, ic.Emission(light)),))
     eye = ic.eyes.navarro(4.0, 3.0)
-    where = {"fov_deg": 3.0, "resolution": 48, "wavelengths_nm": [550.0], "layers": 3}
+    where = {"fov_deg": 3.0, "resolution": 32, "wavelengths_nm": [550.0], "layers": 3}
     even = ic.psf_baseline.render(ic.Scene((), light), eye, **where).irradiance.values
     ratio = {
         (name, slicing): ic.psf_baseline.render(
             scene, eye, method=name, slicing=slicing, **where
         ).irradiance.values
         / even
-        for name in ("layered_over", "aperture_samples")
-        for slicing in ("hard", "soft", "auto")
+        for name, slicing in (
+            ("layered_over", "hard"),
+            ("layered_over", "soft"),
+            ("layered_over", "auto"),
+            ("aperture_samples", "hard"),
+            ("aperture_samples", "auto"),
+        )
     }
     assert ratio["layered_over", "hard"].min() < 0.93
     assert ratio["layered_over", "soft"].min() > 0.97
     np.testing.assert_array_equal(ratio["layered_over", "auto"], ratio["layered_over", "hard"])
-    np.testing.assert_array_equal(
-        ratio["aperture_samples", "auto"], ratio["aperture_samples", "soft"]
-    )
+    assert ratio["aperture_samples", "hard"].min() < 0.97
+    # Three layers are few: between them more is revealed than half a layer covers.
+    assert ratio["aperture_samples", "auto"].min() > 0.98
+
+
+def test_in_a_complete_layer_what_was_shared_by_the_nearer_one_hides_what_was_there():
+    one = np.ones((4, 4), np.float32)
+    slope = np.linspace(0.5, 1.5, 16, dtype=np.float32).reshape(4, 4)
+    far = Layer(0.5, 5.0 * one[None], one, one * np.float32(0.5))
+    near = Layer(1.0, 2.0 * one[None], one, slope)
+    lower, _ = soft_slices([far, near], complete=True)
+    np.testing.assert_allclose(lower.coverage, 1.0)
+    given = (slope > 0.5) & (slope < 1.0)
+    np.testing.assert_allclose(lower.colour[0][given], 2.0)
+    np.testing.assert_allclose(lower.colour[0][slope > 1.0], 5.0)
+
+
+def test_distant_layers_share_nothing_even_if_they_are_not_quite_flat():
+    one = np.ones((4, 4), np.float32)
+    slope = np.linspace(-0.05, 0.05, 16, dtype=np.float32).reshape(4, 4)
+    layers = [Layer(v, one[None], one, v + slope) for v in (0.5, 2.0)]
+    soft = soft_slices(layers, complete=False)
+    assert all(a is b for a, b in zip(soft, layers, strict=True))
 
 
 # ---- rays through the pupil -----------------------------------------------------------------
@@ -440,6 +465,39 @@ def test_rays_through_the_pupil_have_the_moments_of_the_psf(field):
         scale = math.sqrt(float(np.sum(kernel * places**2)))
         assert np.sum(w * mine) == pytest.approx(np.sum(kernel * places), abs=0.01 * scale)
         assert np.sum(w * mine**2) == pytest.approx(np.sum(kernel * places**2), rel=0.02)
+
+
+def test_cells_of_an_elliptical_pupil_have_the_moments_of_the_psf():
+    eye = ic.eyes.navarro(4.0, 2.0)
+    narrow = ic.Stop(eye.stop.z_mm, 4.0, minor_diameter_mm=2.0, axis_deg=30.0)
+    eye = dataclasses.replace(eye, stop=narrow)
+    found = pupil_offsets(eye, 550.0, (0.5,), 200, rays_per_sample=16)
+    psf = geometric_psf(eye, 550.0, 0.5, 0.004)
+    n = (np.arange(psf.kernel.shape[0]) - psf.radius) * psf.pitch_deg
+    x, y = np.meshgrid(n, -n)
+    mine = (found.x_deg[0], found.y_deg[0])
+    for one, other in ((0, 0), (1, 1), (0, 1)):
+        truth = np.sum(psf.kernel * (x, y)[one] * (x, y)[other])
+        assert np.sum(found.weights * mine[one] * mine[other]) == pytest.approx(truth, rel=0.03)
+
+
+def test_light_moves_to_the_right_and_up_by_its_offsets():
+    n = 33
+    row, column = np.mgrid[0:n, 0:n] - n // 2
+    blob = np.exp(-(row**2 + column**2) / 8.0)
+    spot = layer(0.0, blob, np.ones((n, n)))
+    x, y = 2.3, 3.6
+    one = np.ones((1, 1, 1))
+    pupil = PupilOffsets((0.0,), np.zeros((1, 1, 2)), one[0], x * one, y * one)
+    blur = SpectralBlur(LayerSpectra([spot]), [disc(0.0)], pupil)
+    columns, rows, weights = blur.pupil_shifts()
+    transfer = blur.points_transfer(columns[0, 0], rows[0, 0], weights[0])
+    for image in (
+        methods()["aperture_samples"].combine(blur, 1)[0],
+        blur.image(transfer * blur.layer_spectrum(0))[0],
+    ):
+        assert np.sum(image * column) / image.sum() == pytest.approx(x, abs=1e-3)
+        assert np.sum(image * row) / image.sum() == pytest.approx(-y, abs=1e-3)
 
 
 def test_blue_rays_land_farther_out_by_longitudinal_colour():
@@ -512,6 +570,30 @@ def test_every_method_agrees_with_ray_tracing_at_one_depth(name, flat):
     rest = np.sqrt(np.maximum(np.mean(difference**2, axis=(1, 2)) - noise2, 0.0))
     # What is left beside the noise: one PSF for the whole field, bilinear samples.
     assert np.all(rest < 4e-3 * level)
+
+
+def test_off_the_axis_aperture_samples_blur_as_the_psf_does():
+    # Coma and astigmatism at 13 degrees: rays through the pupil against the PSF of that place.
+    eye, centre = ic.eyes.navarro(5.0, 2.0), (-5.0, 12.0)
+    scene = ic.scenes.point_source(1.2, centre, diameter_arcmin=6.0)
+    where = {"fov_deg": 1.6, "resolution": 48, "centre_deg": centre, "wavelengths_nm": [550.0]}
+    images = [
+        ic.psf_baseline.render(scene, eye, method=name, **where).irradiance.values[0]
+        for name in ("layered_sum", "aperture_samples")
+    ]
+    assert np.max(np.abs(images[1] - images[0])) < 0.03 * images[0].max()
+
+
+def test_an_object_before_nothing_is_alike_in_all_methods():
+    quad = ic.Quad((-0.005, -0.005, -1.0), (0.01, 0, 0), (0, 0.01, 0))
+    scene = ic.Scene((ic.SceneObject("q", quad, ic.Emission(ic.Spectrum.constant(1.0))),))
+    where = {"fov_deg": 1.0, "resolution": 16, "wavelengths_nm": [550.0]}
+    images = [
+        ic.psf_baseline.render(scene, ic.eyes.navarro(4.0), method=name, **where).irradiance.values
+        for name in methods()
+    ]
+    for image in images:
+        np.testing.assert_allclose(image, images[0], atol=3e-3 * images[0].max())
 
 
 def test_methods_that_follow_rays_are_right_where_two_textures_are_blurred():

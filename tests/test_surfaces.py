@@ -212,6 +212,30 @@ def test_a_ray_beyond_the_rim_misses(device, precision, element, beyond):
     assert host.status.tolist() == [RayStatus.MISSED, RayStatus.OK]
 
 
+def test_a_search_that_begins_beyond_the_rim_finds_back(device, precision):
+    # Rays slanted inwards onto places near the rim in x, 3.54 mm; the quadric, which is flatter
+    # there, is met beyond.
+    element = surface(Biconic(1 / 5.0, 1.0), 1 / 8.0, 0.0, semi=1e9)
+    x, y = (a.ravel() for a in np.meshgrid(np.linspace(3.2, 3.45, 9), np.linspace(-1.0, 1.0, 5)))
+    z = element.shape.sag_mm(element.curvature, element.conic, x, y)
+    slant = np.radians(np.linspace(30.0, 60.0, len(x)))
+    directions = np.stack([-np.sin(slant), 0 * slant, np.cos(slant)], axis=1)
+    rays = rounded((np.stack([x, y, z], axis=1) - 5.0 * directions, directions), precision)
+    length, missed = element.quadric.intersect(*rays, 1.0)
+    begin = rays[0] + length[:, None] * rays[1]
+    beyond = ~missed & (np.abs(begin[:, 0]) > 3.54)
+    assert beyond.sum() >= 3
+    got = run(device, precision, (element,), rays)
+    host = trace_elements((element,), *rays, "retina")
+    assert host.passed[beyond].all()
+    # In single precision the few steps do not suffice where the way back is longest.
+    found = beyond & got.passed
+    assert found.sum() >= (0.7 if precision == "single" else 1.0) * beyond.sum()
+    limit = 4 * TOLERANCE[precision]
+    np.testing.assert_allclose(got.positions_mm[found, 0], x[found], rtol=0, atol=limit)
+    np.testing.assert_allclose(host.positions_mm[beyond, 0], x[beyond], rtol=0, atol=limit)
+
+
 @pytest.mark.parametrize("name", NEWTON)
 def test_a_surface_crossed_backwards_or_passed_by_is_missed(device, precision, name):
     rays = (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.device.eye_features import EyeFeatures, ShapeKind, shape_kind
-from isetcl.device.gradients import kernel_steps, landing_steps, profile_numbers
+from isetcl.device.gradients import kernel_steps, landing_rounds, landing_steps, profile_numbers
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.rays import RayStatus
@@ -31,6 +31,7 @@ ELEMENT = Struct(
         Member("gradient_incident", "int"),
         Member("gradient_transmitted", "int"),
         Member("gradient_steps", "int"),
+        Member("gradient_rounds", "int"),
         Member("gradient_landing", "int"),
         Member("vertex_z"),
         Member("curvature"),
@@ -84,7 +85,26 @@ SEARCH_STEPS = {
         ShapeKind.HEIGHT_MAP: 6,
     },
 }
-"""Steps of Newton's method from the quadric, by precision and shape."""
+"""Steps of Newton's method from the quadric, by precision and shape.
+
+Measured with rays of fields of 0 to 75 deg that meet 16 surfaces (corneas of 1 dpt to keratoconus,
+lenses, saddles, k = -50/+5, cylinders, reliefs of 50 um) at up to 84 deg, both ways: the largest
+error times the cosine of incidence, um, / rays lost of 1000, for the shapes that need most.
+
+=========== ============ ============ ============ ============ ============
+steps       2            3            4            5            6
+=========== ============ ============ ============ ============ ============
+biconic     1e-2 / 7     9e-3 / 0.2   5e-4 / 0     5e-4 / 0     5e-4 / 0
+  double    5e-8 / 160   3e-8 / 7     3e-8 / 0.4   5e-11 / 0    2e-12 / 0
+asphere     1e-2 / 28    6e-3 / 1.3   6e-3 / 0.3   6e-4 / 0     5e-4 / 0
+  double    5e-8 / 680   5e-8 / 32    3e-9 / 1.6   9e-9 / 0.7   2e-9 / 0
+height map  1e-2 / 18    4e-3 / 1     5e-4 / 1     6e-3 / 0     5e-4 / 0
+  double    5e-8 / 320   5e-8 / 23    8e-9 / 2.6   1e-12 / 1    1e-11 / 0.3
+=========== ============ ============ ============ ============ ============
+
+Torics are like biconics, Zernike surfaces need a step less. A lost ray is one that the steps leave
+too far off the surface (lib/form.cl). More steps make single precision no worse.
+"""
 
 
 def declarations() -> str:
@@ -207,7 +227,8 @@ def _fill_gradients(
             record[f"gradient_{side}"] = table.place(numbers, numbers)
     if inside is not None:
         record["gradient_steps"] = kernel_steps(inside, precision)
-        record["gradient_landing"] = landing_steps(int(record["gradient_steps"]), precision)
+        record["gradient_rounds"] = landing_rounds(inside, precision)
+        record["gradient_landing"] = landing_steps(int(record["gradient_steps"]))
 
 
 def _fill_shape(record: np.void, element: Element, precision: Precision, table: _Table) -> None:

@@ -19,6 +19,8 @@ MOST_STEPS = 64
 _STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, MOST_STEPS)
 _LEVER_MM = 13.0  # from the lens to the retina, over the index there
 _SWEEPS = 2
+MOST_ROUNDS = 6
+_SHORT_MM = {"single": 0.04, "double": 2e-3}  # the last step: its error is its cube / 1000
 
 
 @functools.lru_cache(maxsize=1024)
@@ -69,12 +71,26 @@ def gauss_step(
     )
 
 
-def landing_steps(steps: int, precision: Precision) -> int:
-    """Steps for what the straight way to a surface gets wrong of the way through a gradient.
+@functools.lru_cache(maxsize=1024)
+def landing_rounds(placed: PlacedGradient, precision: Precision) -> int:
+    """How often the rest of the way to a surface is integrated before the last, short step.
 
-    0 leaves it to the short step that follows; it is 3 % of the way.
+    The straight way is some percent too long or too short; every round squares what is left.
+    Found as the step count is, on the planes at the ends of the rays.
     """
-    return 0 if precision == "single" and steps <= 2 else 1 + steps // 8
+    points, rays, span = chord_rays(placed)
+    end = np.array([chord[2] for chord in placed.chords[:-1] for _ in range(3)])
+    for rounds in range(MOST_ROUNDS):
+        points, rays, _ = propagate(placed.profile, points, rays, span, placed.steps)
+        span = (end - points[:, 2]) / rays[:, 2]
+        if np.max(np.abs(span)) <= _SHORT_MM[precision]:
+            return rounds
+    return MOST_ROUNDS
+
+
+def landing_steps(steps: int) -> int:
+    """Steps of such a round, where a way took `steps`."""
+    return 1 + steps // 8
 
 
 def profile_numbers(placed: PlacedGradient, element: Element, most_degree: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Gaussian optics of astigmatic eyes: power matrices and principal meridians.
+"""Astigmatic eyes: power matrices, principal meridians, and refractions of narrow pencils.
 
 A ray is (x, y, n ux, n uy) and an eye a matrix of 4 x 4 made of blocks of 2 x 2, in which a
 surface's power is the matrix (n' - n) times the second derivatives of its sag (Keating 1981, Am J
@@ -14,10 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.errors import InvalidInputError
+from isetcl.eye.aberrations.refraction_error import Refraction
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.object_point import ObjectPoint
 from isetcl.eye.prescription import placed_gradients
-from isetcl.eye.refraction_error import Refraction
 from isetcl.units import MM_PER_M
+
+_PARABASAL_MM = 1e-3
 
 
 @dataclass(frozen=True)
@@ -128,6 +131,47 @@ def paraxial_refraction(eye: Eye, wavelength_nm: float = REFERENCE_WAVELENGTH_NM
     except np.linalg.LinAlgError:
         raise InvalidInputError(f"eye {eye.name!r} sees no point of its retina") from None
     (xx, xy), (yx, yy) = lens.tolist()
+    return Refraction((xx + yy) / 2.0, (xx - yy) / 2.0, (xy + yx) / 2.0)
+
+
+def pencil_refraction(
+    eye: Eye,
+    field_deg: tuple[float, float] | float = (0.0, 0.0),
+    wavelength_nm: float = REFERENCE_WAVELENGTH_NM,
+) -> Refraction:
+    """The refraction of a narrow pencil about a chief ray, in the entrance pupil, by real rays.
+
+    Of two rays that enter parallel, dp apart, one is turned by L dp so that both meet the retina at
+    one point: L is the matrix of the correcting lens. Its axes are the right and the up of the eye
+    that looks along the chief ray. `oblique_foci` gives the same along and across one meridian.
+
+    Parameters
+    ----------
+    field_deg
+        Field angles (x, y) of the chief ray, degrees; a single number is (0, y).
+    wavelength_nm
+        Wavelength, nm.
+
+    Raises
+    ------
+    InvalidInputError
+        If no chief ray enters from there, or rays about it do not pass.
+    """
+    source = ObjectPoint(eye, field_deg, wavelength_nm)
+    chief = source.chief()
+    h = _PARABASAL_MM
+    steps = h * np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    moved = source.trace(chief.entrance_mm + steps)
+    turned = source.turned(chief.entrance_mm, steps)
+    if not (moved.passed.all() and turned.passed.all()):
+        raise InvalidInputError(
+            f"eye {eye.name!r}: rays about the chief ray from field {source.field_deg} deg do not "
+            "pass; use a smaller field angle"
+        )
+    by_place = moved.point_mm[::2] - moved.point_mm[1::2]
+    by_angle = turned.point_mm[::2] - turned.point_mm[1::2]
+    # `turned` turns the object, against the slope of the ray.
+    (xx, xy), (yx, yy) = (-by_place @ np.linalg.pinv(by_angle) * MM_PER_M).tolist()
     return Refraction((xx + yy) / 2.0, (xx - yy) / 2.0, (xy + yx) / 2.0)
 
 

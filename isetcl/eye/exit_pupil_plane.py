@@ -23,8 +23,8 @@ from isetcl.eye.retina_form import lifted, relief
 
 _AZIMUTHS = 24
 _CHECK_AZIMUTHS = 40
-_NODES = 17
-_CHECKS = 9
+_NODES = (7, 11, 17)
+_CHECKS = 7
 _ELLIPSE_STEPS = 4
 _FIT_TOLERANCE = 2e-7  # of the radius of the stop
 _SCAN_NODES = 11
@@ -84,10 +84,8 @@ def plane_pupil_bound(
     outline = PlaneOutline(eye, wavelength_nm, grid_map, None if heights is None else 0.0)
     check = rectangle.lattice(_CHECKS)
     # Whether the whole stop can be seen decides how outlines are found, for all fields alike.
-    outline.edge(check, _AZIMUTHS)
-    nodes = rectangle.nodes(_NODES if outline.is_complete else _SCAN_NODES)
-    relative = _FIT_TOLERANCE if outline.is_complete else _SCAN_TOLERANCE
-    ellipse = fit(rectangle, nodes, outline.affine(nodes), relative * eye.stop.radius_mm)
+    outline.edge(rectangle.lattice(3), _AZIMUTHS)
+    ellipse = _fitted_ellipse(outline, rectangle, eye.stop.radius_mm)
     _check_ellipses(eye, ellipse)
     excess, fill = outline.compare_ellipse(ellipse, check)
     if heights is not None:
@@ -104,6 +102,21 @@ def plane_pupil_bound(
         clipped_elsewhere=clipped,
         has_far_side=far_side,
     )
+
+
+def _fitted_ellipse(
+    outline: PlaneOutline, rectangle: Rectangle, radius_mm: float
+) -> PlanePolynomial:
+    """Polynomials through the ellipses about outlines, from as few of these as they need."""
+    for count in _NODES if outline.is_complete else (_SCAN_NODES,):
+        nodes = rectangle.nodes(count)
+        affine = outline.affine(nodes)
+        relative = _FIT_TOLERANCE if outline.is_complete else _SCAN_TOLERANCE
+        found = fit(rectangle, nodes, affine, relative * radius_mm)
+        residual = np.max(np.abs(found(nodes) - affine))
+        if residual <= relative * radius_mm and found.degree <= count - 3:
+            break
+    return found
 
 
 def _check_ellipses(eye: Eye, ellipse: PlanePolynomial) -> None:

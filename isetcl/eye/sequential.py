@@ -28,9 +28,6 @@ _NEWTON_STEPS = 24
 _LANDED_MM = 1e-13
 _LANDINGS = 12
 _NEAR_MM = 1e-9  # so short a way in a gradient is straight
-_LOST_PART = (
-    1e-3  # of n^2: where |T|^2 differs by more, a ray was where the gradient is meaningless
-)
 _ON_SURFACE_MM = 1e-10  # a ray that Newton's method leaves farther off a surface misses it
 
 
@@ -244,8 +241,7 @@ def _land(
     squared, force = placed.profile.squared_and_half_gradient(*points.T)
     speed2 = np.einsum("ij,ij->i", rays, rays)
     span = crossing.length / np.sqrt(speed2)
-    astray = ~(np.abs(speed2 - squared) <= _LOST_PART * squared)
-    lost = crossing.missed | ~alive | astray | ~(np.abs(crossing.length) < _NEAR_MM)
+    lost = crossing.missed | ~alive | ~(np.abs(crossing.length) < _NEAR_MM)
     rays = rays + np.where(lost, 0.0, span)[:, None] * force
     unit = placed.leave(points, rays / np.linalg.norm(rays, axis=1, keepdims=True))[1]
     crossing = dataclasses.replace(crossing, missed=lost)
@@ -284,7 +280,8 @@ class _Form:
         local = start + length[:, None] * heading
         value, gradient = self._implicit(local)
         along = np.einsum("ij,ij->i", gradient, heading)
-        landed = (np.abs(value) < _ON_SURFACE_MM) & (sense * along >= 0.0)
+        exists = np.isfinite(self.shape.sag_mm(self.curvature, self.conic, *local.T[:2]))
+        landed = exists & (np.abs(value) < _ON_SURFACE_MM) & (sense * along >= 0.0)
         # Missing rays keep finite numbers.
         gradient = np.where(landed[:, None], gradient, np.array([0.0, 0.0, 1.0]))
         return length, local, gradient, ~landed

@@ -12,7 +12,7 @@ from isetcl.eye.exit_pupil import StopOutline
 from isetcl.eye.exit_pupil_plane import PlaneOutline
 from isetcl.eye.field import FieldMap
 from isetcl.eye.field_plane import FieldPlane
-from isetcl.eye.model import Eye
+from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.prescription import ElementKind, elements
 from isetcl.eye.retina_form import retinal_normal
 from isetcl.eye.sequential import trace_elements
@@ -22,13 +22,14 @@ from isetcl.eye.sequential import trace_elements
 def axial_irradiance_per_radiance(eye: Eye, wavelength_nm: float) -> float:
     """Irradiance at the retinal vertex per unit uniform radiance in front of the eye, sr.
 
-    In an eye that is no figure of revolution, at the point that sees along the axis. Otherwise
+    In an eye that is no figure of revolution, at the point that sees along the axis at 550 nm.
+    Otherwise
     pi (n'/n)^2 sin^2(theta'), with theta' the angle in the vitreous of the real ray from the
     retinal vertex to the edge of the stop (Born & Wolf, 4.8; n'/n is conservation of basic
     radiance).
     """
     if not eye.is_rotational:
-        grid_map = eye.field_map(wavelength_nm)
+        grid_map = eye.field_map(REFERENCE_WAVELENGTH_NM)
         assert isinstance(grid_map, FieldPlane)
         return float(
             plane_irradiance_per_radiance(eye, wavelength_nm, grid_map, np.zeros((1, 2)))[0]

@@ -7,27 +7,34 @@ from typing import Any
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_type
-from isetcl.eye.airy import circle_otf
-from isetcl.eye.geometric import spot_of_wavefront
-from isetcl.eye.model import Eye
-from isetcl.eye.ray_bending import (
+from isetcl.errors import IsetclError, check_type
+from isetcl.eye.aberrations.geometric import spot_of_wavefront
+from isetcl.eye.aberrations.polychromatic import PEAK_NM
+from isetcl.eye.bending.bent_otf import bent_otf
+from isetcl.eye.bending.ray_bending import (
     Airy,
     Diffraction,
     DiffractionChoice,
     Hurb,
     diffraction_model,
 )
-from isetcl.eye.scatter import ScatterModel
+from isetcl.eye.model import Eye
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.render.decision import Decision, left_out
 from isetcl.retina.grid import RetinalGrid
-from isetcl.units import MM_PER_M, NM_PER_M
+from isetcl.spectrum import luminous_efficiency
 
 AUTO_BOUND = 0.02
-"""Change of the MTF, pixel included, above which ``diffraction="auto"`` switches it on."""
+"""Error of the MTF, pixel included, that ``diffraction="auto"`` accepts without diffraction."""
 
-_FREQUENCIES = 32
-_LUMINOUS_NM = 555.0
+SEEN_CPD = 60.0
+"""Highest frequency that matters to "auto": the limit of visual acuity, cycles/degree."""
+
+_CANDIDATES: dict[str, Diffraction | None] = {"none": None, "airy": Airy(), "hurb": Hurb()}
+_FREQUENCIES = 12
+_WAVELENGTHS = 5
+_RAYS_ACROSS = 64
+_LEAST_SEEN = 0.05
 
 
 @dataclass(frozen=True)
@@ -95,56 +102,76 @@ def decide_bends(
 def _decide(
     eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray, notes: list[Decision]
 ) -> Diffraction | None:
-    wavelength = float(wavelengths_nm[np.argmin(np.abs(wavelengths_nm - _LUMINOUS_NM))])
-    change, frequency = mtf_change(eye, grid, wavelength)
+    """Nothing where that is right to the bound, or else the model that is nearest to the truth."""
+    try:
+        errors = mtf_errors(eye, grid, wavelengths_nm)
+    except IsetclError as error:
+        notes.append(Decision("diffraction", "airy", f"its effect cannot be weighed: {error}"))
+        return Airy()
+    without = errors.pop("none")
+    told = ", ".join(f"{name} {error:.2g}" for name, error in errors.items())
     reason = (
-        f"it changes the MTF at {wavelength:.4g} nm by up to {change:.2g} (at {frequency:.3g} "
-        f"cycles/deg; a pixel shows up to {nyquist_cpd(grid):.3g}); the bound is {AUTO_BOUND:g}"
+        f"without it the MTF of the eye in focus is wrong by {without:.2g} up to "
+        f"{_highest_cpd(grid):.3g} cycles/deg (bound {AUTO_BOUND:g}); {told}"
     )
-    is_on = change > AUTO_BOUND
-    notes.append(Decision("diffraction", "airy" if is_on else "left out", reason))
-    return Airy() if is_on else None
+    if without <= AUTO_BOUND:
+        notes.append(Decision("diffraction", "left out", reason))
+        return None
+    best = _CANDIDATES[min(errors, key=lambda name: errors[name])]
+    notes.append(Decision("diffraction", _name(best), reason))
+    return best
 
 
-def nyquist_cpd(grid: RetinalGrid) -> float:
-    """The highest frequency that pixels can show, cycles/degree."""
-    return 0.5 / min(grid.pitch_deg)
+def mtf_errors(eye: Eye, grid: RetinalGrid, wavelengths_nm: np.ndarray) -> dict[str, float]:
+    """How far rays are from the exact MTF of eye and pixel without, and with each, model of bends.
 
-
-def mtf_change(eye: Eye, grid: RetinalGrid, wavelength_nm: float) -> tuple[float, float]:
-    """Largest change that diffraction makes to the MTF of eye and pixel, and where.
-
-    sinc(f p) G(f) (1 - D(f)) up to half a cycle a pixel of pitch p, with the rays' MTF G on the
-    axis in best focus (blur, where there is more of it, hides diffraction) and D the transfer of
-    diffraction alone in the direction where the stop is narrowest.
+    The largest difference of the transfer functions on the axis, in best focus for 555 nm and
+    weighted by V(lambda), times that of a pixel, up to the highest frequency that pixels can show.
 
     Returns
     -------
-    (float, float)
-        The change, and its frequency in cycles/degree.
+    dict
+        ``"none"`` and the models' names; no unit.
     """
-    frequency = nyquist_cpd(grid) * np.arange(1, _FREQUENCIES + 1) / _FREQUENCIES
-    diameter_m = 2.0 * eye.entrance_pupil(wavelength_nm).radius_mm / MM_PER_M * eye.stop.aspect
-    cutoff_cpd = np.radians(diameter_m / (wavelength_nm / NM_PER_M))
-    change = (
-        np.sinc(frequency * min(grid.pitch_deg))
-        * _best_mtf(eye, wavelength_nm, frequency)
-        * (1.0 - circle_otf(frequency / cutoff_cpd))
-    )
-    worst = int(np.argmax(change))
-    return float(change[worst]), float(frequency[worst])
+    frequency = _highest_cpd(grid) * np.arange(1, _FREQUENCIES + 1) / _FREQUENCIES
+    vergence = eye.focus_vergence_dpt(_nearest(wavelengths_nm, PEAK_NM))
+    exact = np.zeros(_FREQUENCIES, dtype=complex)
+    found = {name: np.zeros(_FREQUENCIES, dtype=complex) for name in _CANDIDATES}
+    for wavelength in _few(wavelengths_nm):
+        weight = float(luminous_efficiency(wavelength))
+        front = eye.wavefront(wavelength_nm=wavelength, scale_wavelength_nm=PEAK_NM)
+        exact += weight * front.defocused(vergence).otf().along(frequency, 0.0)
+        # Rays are smooth where waves are not; as many as the waves need would take seconds.
+        few = eye.wavefront(
+            wavelength_nm=wavelength, scale_wavelength_nm=PEAK_NM, samples=_RAYS_ACROSS
+        )
+        rays = spot_of_wavefront(few.defocused(vergence))
+        for name, model in _CANDIDATES.items():
+            found[name] += weight * bent_otf(rays, model, frequency, stop=eye.stop)
+    total = sum(float(luminous_efficiency(w)) for w in _few(wavelengths_nm))
+    pixel = np.sinc(frequency * min(grid.pitch_deg)) / total
+    return {name: float(np.max(np.abs(otf - exact) * pixel)) for name, otf in found.items()}
 
 
-def _best_mtf(eye: Eye, wavelength_nm: float, frequency_cpd: np.ndarray) -> np.ndarray:
-    """Geometric MTF on the axis in best focus; 1 where the axis is no way for light."""
-    try:
-        front = eye.wavefront(wavelength_nm=wavelength_nm, reference="best_focus")
-    except InvalidInputError:
-        return np.ones(len(frequency_cpd))
-    return spot_of_wavefront(front).mtf(frequency_cpd)
+def _few(wavelengths_nm: np.ndarray) -> list[float]:
+    """A few wavelengths that stand for a grid: evenly among those that are seen best."""
+    seen = wavelengths_nm[luminous_efficiency(wavelengths_nm) >= _LEAST_SEEN]
+    if len(seen) == 0:
+        return [_nearest(wavelengths_nm, PEAK_NM)]
+    chosen = np.linspace(0, len(seen) - 1, min(_WAVELENGTHS, len(seen)))
+    return [float(w) for w in seen[np.round(chosen).astype(int)]]
 
 
-def _name(model: Diffraction) -> str:
-    if isinstance(model, Airy):
+def _nearest(wavelengths_nm: np.ndarray, wavelength_nm: float) -> float:
+    return float(wavelengths_nm[np.argmin(np.abs(wavelengths_nm - wavelength_nm))])
+
+
+def _highest_cpd(grid: RetinalGrid) -> float:
+    """The highest frequency that pixels can show and an eye can see, cycles/degree."""
+    return min(0.5 / min(grid.pitch_deg), SEEN_CPD)
+
+
+def _name(model: Diffraction | None) -> str:
+    if not isinstance(model, Hurb):
         return "airy"
     return f"hurb ({model.axes}, gamma {model.gamma:.4g}, lambda in {model.wavelength})"

@@ -10,10 +10,10 @@ import numpy as np
 
 from isetcl.device.layout import Precision
 from isetcl.errors import check_count, check_type
+from isetcl.eye.bending.ray_bending import DiffractionChoice
 from isetcl.eye.model import Eye
-from isetcl.eye.ocular_media import OcularMedia
-from isetcl.eye.ray_bending import DiffractionChoice
-from isetcl.eye.scatter import ScatterModel
+from isetcl.eye.people.ocular_media import OcularMedia
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.render.device_scene import DeviceScene
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.film import Film
@@ -92,7 +92,8 @@ def render(
     diffraction
         Bends of rays at the stop: ``"none"``; ``"airy"``, drawn from the stop's exact pattern;
         ``"hurb"`` (`Hurb`'s defaults), ``"iset3d"`` (the paper's values) or a `Hurb`; or
-        ``"auto"``, the exact pattern where it changes the MTF of eye and pixels by more than 0.02.
+        ``"auto"``: nothing where the MTF of eye and pixels is right to 0.02 without, or else
+        whichever of "airy" and "hurb" comes nearer to the exact one.
     scatter
         Light that is scattered inside the eye; None leaves it out.
     seed

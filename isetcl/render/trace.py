@@ -54,7 +54,8 @@ def trace_rays(
         ``"retina"``: onto the retina. ``"scene"``: from the vitreous out of the cornea; the
         end points are on the cornea.
     precision
-        ``"double"`` (positions to 1e-11 mm) or ``"single"`` (to 1e-5 mm; no optical path lengths).
+        ``"double"`` (positions to 1e-11 mm, 1e-9 mm through lenses with a gradient index) or
+        ``"single"`` (to 1e-5 mm; no optical path lengths).
     record_hits
         Keep the hits on every element.
     device

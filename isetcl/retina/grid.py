@@ -37,6 +37,7 @@ Centre = tuple[float, float] | Literal["fovea"]
 
 _FIT_TOLERANCE_MM = 1e-9
 _FIT_NODES = 24
+_PLANE_TOLERANCE_MM = 1e-7  # a tenth of a nanometre; every further degree costs time
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ class RetinalGrid:
         at = self.rectangle.nodes()
         point = labels.base_point_mm(at)
         values = np.concatenate([point, retinal_normal(retina, point)], axis=1)
-        return plane_fit(self.rectangle, at, values, _FIT_TOLERANCE_MM)
+        return plane_fit(self.rectangle, at, values, _PLANE_TOLERANCE_MM)
 
     def polynomials(self) -> tuple[np.ndarray, np.ndarray]:
         """The retina as the kernels see it, in g = field vector / `limit_deg` and s = g . g.

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 from isetcl import psf_baseline
 from isetcl.errors import FocusError, InvalidInputError, check_choice, check_count, check_type
@@ -103,7 +103,7 @@ def compare(
     *,
     fov_deg: float = 2.0,
     resolution: int = 384,
-    methods: Sequence[str] = ("layered_sum", "layered_over"),
+    methods: Sequence[str] | Literal["all"] = ("layered_sum", "layered_over"),
     samples: Sequence[int] = DEFAULT_SAMPLES,
     reference_spp: int = 1024,
     seed: int = 0,
@@ -118,7 +118,7 @@ def compare(
     scene, eye, fov_deg, resolution, device
         As in `render`.
     methods
-        Names of PSF methods.
+        Names of PSF methods or their places in the survey, such as ``"M3"``; or ``"all"``.
     samples
         Samples a pixel of the ray-traced trials.
     reference_spp
@@ -140,7 +140,7 @@ def compare(
     start = time.perf_counter()
     for name in options:
         check_choice("option of compare", name, _OPTIONS)
-    methods, samples = _checked_work(methods, samples, reference_spp)
+    names, samples = _checked_work(methods, samples, reference_spp)
     seed = check_count("seed", seed, 0, _MAX_SEED - REFERENCE_SEED_OFFSET)
     if on_step is not None and not callable(on_step):
         raise InvalidInputError(f"on_step must be a function or None, got {on_step!r}")
@@ -153,9 +153,9 @@ def compare(
             "resolution must be at least 2 pixels each way, so that there are edges to compare "
             f"at, got {planned.grid.resolution[0]} x {planned.grid.resolution[1]}"
         )
-    _check_comparison_memory(planned, len(methods))
+    _check_comparison_memory(planned, len(names))
     explained = planned.explain()
-    steps = _Steps(on_step, [*samples, reference_spp], len(methods))
+    steps = _Steps(on_step, [*samples, reference_spp], len(names))
     steps.say("preparing")
     render(scene, eye, spp=2, seed=seed, device=device, progress=False, **where)
     build_s = time.perf_counter() - start
@@ -175,7 +175,7 @@ def compare(
             image = trace(f"ray tracing, {spp} samples", spp, seed)
             _go_on_if_complete(image)
             trials.append(_trial("ray tracing", spp, image, reference))
-        for name in methods:
+        for name in names:
             with steps.method(name) as advance:
                 image = psf_baseline.render(scene, eye, method=name, progress=advance, **where)
             errors[name] = occlusion_error(image, reference)
@@ -204,12 +204,11 @@ def _focus_vergence_dpt(eye: Eye) -> float | None:
 
 
 def _checked_work(
-    methods: Sequence[str], samples: Sequence[int], reference_spp: int
+    methods: Sequence[str] | Literal["all"], samples: Sequence[int], reference_spp: int
 ) -> tuple[list[str], list[int]]:
     """Names of methods and ascending numbers of samples, refused if there are none such."""
-    check_type("methods", methods, (list, tuple))
     check_type("samples", samples, (list, tuple))
-    names = [check_choice("method", name, psf_baseline.methods()) for name in methods]
+    names = _method_names(methods)
     counts = sorted(check_count("samples", spp, 2, MAX_SPP) for spp in samples)
     largest = max(counts, default=1)
     if check_count("reference_spp", reference_spp, 2, MAX_SPP) < 2 * largest:
@@ -218,6 +217,20 @@ def _checked_work(
             f"{reference_spp}"
         )
     return names, counts
+
+
+def _method_names(methods: Sequence[str] | Literal["all"]) -> list[str]:
+    """Names of methods, each once; ids of the survey are turned into names."""
+    known = psf_baseline.methods()
+    if isinstance(methods, str) and methods == "all":
+        return list(known)
+    check_type("methods", methods, (list, tuple))
+    by_id = {method.id: name for name, method in known.items()}
+    names = []
+    for name in methods:
+        is_id = isinstance(name, str) and name in by_id
+        names.append(by_id[name] if is_id else check_choice("method", name, known))
+    return list(dict.fromkeys(names))
 
 
 def _check_comparison_memory(planned: Plan, n_methods: int) -> None:

@@ -59,12 +59,11 @@ class Biconic:
     def implicit(
         self, curvature: float, conic: float, x: np.ndarray, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """S = N - z (1 + sqrt(1 - A)), and g."""
+        """S = N - z (1 + sqrt(1 - A)), and g; beyond the rim the root is taken to be 0."""
         cx, cy = self.curvature_x, curvature
-        root = self._root(curvature, conic, x, y)
+        root = np.nan_to_num(self._root(curvature, conic, x, y))
         value = cx * x * x + cy * y * y - z * (1.0 + root)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            lean = z / (2.0 * root)
+        lean = np.where(root > 0.0, z / (2.0 * np.where(root > 0.0, root, 1.0)), 0.0)
         g = np.stack(
             [
                 -cx * x * (1.0 + lean * (1.0 + self.conic_x) * cx),

@@ -36,7 +36,7 @@ class SurfaceShape(Protocol):
     def implicit(
         self, curvature: float, conic: float, x: np.ndarray, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """S, (n,) mm, and g, (n, 3); NaN where the surface does not exist."""
+        """S, (n,) mm, and g, (n, 3); something smooth or NaN where the surface does not exist."""
 
     def vertex_curvatures(self, curvature: float) -> tuple[float, float, float]:
         """Second derivatives (zxx, zxy, zyy) of the sag at the vertex, 1/mm."""

@@ -7,7 +7,9 @@
  */
 #include "lib/ray.cl"
 
-/* The least 1 - A of which a root is taken: a search that strays beyond the rim finds back. */
+/* The least 1 - A of which a root is taken. Beyond the rim the surface goes on with this w, so that
+ * a search that begins or strays there finds back.
+ */
 #define SMALLEST_RADICAND R(1e-12)
 
 /* biconic_implicit - S = N - z (1 + w), and g. */
@@ -15,7 +17,7 @@ INLINE void biconic_implicit(realv x, realv y, realv z, constant element_t *s, s
   const realv inside = 1 - mul_add(s->factor_x * x, x, s->factor_y * y * y);
   const realv w = square_root(larger(inside, (realv)SMALLEST_RADICAND));
   const realv bx = s->curvature_x * x, by = s->curvature * y;
-  const realv lean = z / (w + w);
+  const realv lean = inside > SMALLEST_RADICAND ? z / (w + w) : (realv)0;
   slope->value = mul_add(bx, x, mul_add(by, y, -mul_add(z, w, z)));
   slope->gx = -mul_add(lean * s->factor_x, x, bx);
   slope->gy = -mul_add(lean * s->factor_y, y, by);

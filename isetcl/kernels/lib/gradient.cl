@@ -1,11 +1,11 @@
 /* gradient.cl - rays through lenses whose index changes from place to place.
  *
- * Ray equation in t with ds = n dt:  R'' = grad(n^2) / 2,  T = R' = n times the unit direction, which
- * is the state of a ray everywhere in the eye.  Source: Sharma, Kumar & Ghatak 1982, Appl Opt 21:984.
+ * Ray equation in t with ds = n dt:  R'' = grad(n^2) / 2,  T = R' = n times the unit direction: the
+ * state of a ray everywhere in the eye.  Source: Sharma, Kumar & Ghatak 1982, Appl Opt 21:984.
  *
  * A profile in the eye's table is GRADIENT_FRAME reals (the vertex of its frame from that of the
- * element; its three axes; 1 for shells) and its numbers: c[i][j] of z^i r^2j, GRADIENT_ROW a row; or
- * core, core - edge, centre, 1 / semi_z^2, 1 / semi_r^2, power - 1.
+ * element; its three axes; 1 for shells) and its numbers: c[i][j] of z^i r^2j, GRADIENT_ROW a row;
+ * or core, core - edge, centre, 1 / semi_z^2, 1 / semi_r^2, power - 1.
  */
 #include "lib/crossing.cl"
 #if HAS_GRADIENTS
@@ -199,13 +199,12 @@ INLINE realv short_step(rayv *ray, global const real *profile, realv h, rayv *fo
 }
 
 /* GRADIENT_NEAR - how far from a surface the last straight step may begin, in units of T, mm.
- * GRADIENT_KEPT - part of n^2 by which |T|^2 may differ from it in the middle of the step before.
+ * Straight it is wrong by 0.03 of the square of that.
  */
-#define GRADIENT_KEPT R(0.01)
 #if DOUBLE_PRECISION
-#define GRADIENT_NEAR 1e-7
+#define GRADIENT_NEAR 1e-4
 #else
-#define GRADIENT_NEAR 1e-3f
+#define GRADIENT_NEAR 1e-2f
 #endif
 
 /* approach_element - as cross_element, for rays that are almost there (round > 0). */
@@ -230,9 +229,8 @@ INLINE maskv approach_element(rayv *ray, constant element_t *element,
  * The straight way to the element is the length of t to integrate; what is left of the way is gone
  * the same way with fewer steps, then in a short step, then straight.
  *
- * As cross_element. A ray that does not get there, or went where the profile means nothing (there
- * |T|^2 - n^2 is no longer kept), becomes NaN. at->path is the optical path length over the square
- * of the index at the element's vertex (HAS_OPL).
+ * As cross_element. A ray that does not get there becomes NaN. at->path is the optical path length
+ * over the square of the index at the element's vertex (HAS_OPL).
  */
 INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const real *eye_table,
                             real sense, int far_side, crossingv *at) {
@@ -240,7 +238,7 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
   maskv met = -1;
   realv length = 0, n2 = 1;
   rayv force = *ray;
-  const int rounds = element->gradient_landing > 0 ? 3 : 2;
+  const int rounds = element->gradient_rounds + 2;
   for (int round = 0; round < rounds; ++round) {
     rayv straight = *ray;
     met = met & approach_element(&straight, element, eye_table, sense, far_side, round, at);
@@ -255,14 +253,13 @@ INLINE maskv cross_gradient(rayv *ray, constant element_t *element, global const
     }
     from_profile(ray, profile);
   }
-  maskv kept = magnitude(squared_length(ray) - n2) <= GRADIENT_KEPT * n2;
   met = met & approach_element(ray, element, eye_table, sense, far_side, rounds, at);
   from_profile(&force, profile);
   ray->tx = mul_add(at->path, force.tx, ray->tx);
   ray->ty = mul_add(at->path, force.ty, ray->ty);
   ray->tz = mul_add(at->path, force.tz, ray->tz);
-  kept = kept & (magnitude(at->path) <= GRADIENT_NEAR);
-  ray->x = kept ? ray->x : (realv)NAN;
+  maskv landed = magnitude(at->path) <= GRADIENT_NEAR;
+  ray->x = landed ? ray->x : (realv)NAN;
 #if HAS_OPL
   at->path = mul_add(at->path, n2, length) * element->inverse_n2;
 #endif
@@ -281,7 +278,7 @@ INLINE realv squared_index_after(const rayv *ray, constant element_t *element,
 }
 #endif
 
-/* arrive - moves rays to the next element through whatever lies in front of it. As cross_element. */
+/* arrive - as cross_element, through whatever medium lies in front of the element. */
 INLINE maskv arrive(rayv *ray, constant element_t *element, global const real *eye_table,
                     real sense, int far_side, crossingv *at) {
 #if HAS_GRADIENTS

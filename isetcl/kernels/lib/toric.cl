@@ -14,7 +14,9 @@ INLINE void toric_implicit(realv x, realv y, realv z, constant element_t *s, slo
   slope->value = mul_add(s->curvature_x * x, x,
                          (z - arc) * mul_add((realv)s->curvature_x, z + arc, (realv)R(-2.0)));
   slope->gx = -s->curvature_x * x;
-  slope->gy = mul_add((realv)s->curvature_x, arc, (realv)R(-1.0)) * by / w;
+  /* Beyond the rim the arc goes on as the parabola 2 c y^2 / 2, w = 0. */
+  const realv lean = inside > SMALLEST_RADICAND ? by / w : by + by;
+  slope->gy = mul_add((realv)s->curvature_x, arc, (realv)R(-1.0)) * lean;
   slope->gz = mul_add((realv)-s->curvature_x, z, (realv)1);
   slope->exists = inside >= 0;
 }
