@@ -126,7 +126,9 @@ class PsfBank:
             middle = (low + high) // 2
             v = verges[middle]
             known[v] = self.psf(wavelength_nm, v, field_deg)
-            between = _between(known[verges[low]], known[verges[high]], v, verges[low], verges[high])
+            between = _between(
+                known[verges[low]], known[verges[high]], v, verges[low], verges[high]
+            )
             error = kernel_distance(between, known[v])
             if error > bound / 2.0:
                 pending += [(low, middle), (middle, high)]
@@ -144,7 +146,7 @@ class PsfBank:
         fov_deg: Field,
         bound: float = 0.01,
     ) -> int:
-        """Patches across a field at which interpolation between their middles errs by the bound.
+        """Nodes across a field at which interpolation between them errs by the bound.
 
         The error of interpolation falls with the square of the distance. It is measured over the
         whole field, and where one patch does not do, again at the number that follows.
@@ -228,16 +230,14 @@ class PsfBank:
         ends = (min(vergences_dpt), max(vergences_dpt))
         worst = 0.0
         for v, sense in itertools.product(dict.fromkeys(ends), (1.0, -1.0)):
-            if count == 1:
-                places, middle = np.array([-0.5, 0.5]), self.psf(wavelength_nm, v, middle_deg)
-            else:
-                places = (np.arange(count) + 0.5) / count - 0.5
+            places = np.linspace(-0.5, 0.5, max(2, count))
 
             def at(t: float, s: float, v: float = v) -> Psf:
                 x, y = middle_deg[0] + t * fov_deg[0], middle_deg[1] + s * fov_deg[1]
                 return self.psf(wavelength_nm, v, (x, y))
 
             if count == 1:
+                middle = self.psf(wavelength_nm, v, middle_deg)
                 for t in places:
                     worst = max(worst, kernel_distance(middle, at(t, sense * t)))
                 continue

@@ -82,9 +82,7 @@ def radial_cells(enclosed: Callable[[np.ndarray], np.ndarray], half: int) -> np.
     return np.concatenate([right[:, :0:-1], right], axis=1).clip(0.0)
 
 
-def _corner_shares(
-    enclosed: Callable[[np.ndarray], np.ndarray], corner: np.ndarray
-) -> np.ndarray:
+def _corner_shares(enclosed: Callable[[np.ndarray], np.ndarray], corner: np.ndarray) -> np.ndarray:
     """Shares in the rectangles from the middle to (corner, corner), the first of which is 0.
 
     The direction is taken as t with tan = sinh t, in which the distance X cosh t of the border

@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError
+from isetcl.errors import InvalidInputError, check_choice
 from isetcl.eye import paraxial
+from isetcl.eye.bending.ray_bending import Hurb, to_disc
 from isetcl.eye.model import Eye
 from isetcl.eye.prescription import Element, ElementKind, elements
-from isetcl.eye.ray_bending import Hurb, diffraction_model, to_disc
 from isetcl.eye.sequential import trace_elements
 from isetcl.psf_baseline.psf import Psf, launch, seen_from
 from isetcl.psf_baseline.psfs.cells import checked_half, cropped, psf_of
@@ -41,9 +41,8 @@ def hurb_psf(
     model
         ``"hurb"`` or ``"iset3d"``, as the argument `diffraction` of `isetcl.render`.
     """
-    hurb = diffraction_model(model)  # type: ignore[arg-type]
-    if not isinstance(hurb, Hurb):
-        raise InvalidInputError(f"model of psf 'hurb' must be 'hurb' or 'iset3d', got {model!r}")
+    check_choice("model of psf 'hurb'", model, ("hurb", "iset3d"))
+    hurb = Hurb.iset3d() if model == "iset3d" else Hurb()
     places, steps, disc, flux, index = _rays(eye, wavelength_nm, vergence_dpt, field_deg)
     bend = np.arange(_BENDS)
     turn = _GOLDEN_TURN * (bend + _BENDS * np.arange(len(places))[:, None])
@@ -113,9 +112,7 @@ def _landing(
     return seen_from(eye, wavelength_nm, rays), rays.passed
 
 
-def _deposited(
-    landed: np.ndarray, flux: np.ndarray, reach: float, is_round: bool
-) -> np.ndarray:
+def _deposited(landed: np.ndarray, flux: np.ndarray, reach: float, is_round: bool) -> np.ndarray:
     """A kernel from points (n, 2) in samples, each counted in its square; what is farther is lost.
 
     For round patterns the mean over the eight symmetries of the square.

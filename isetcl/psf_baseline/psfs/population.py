@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from isetcl.eye.glare import ijspeert_terms, vos_van_den_berg
-from isetcl.eye.human_mtf import watson_2013_mtf, williams_1994_mtf
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.people.glare import ijspeert_terms, vos_van_den_berg
+from isetcl.eye.people.human_mtf import watson_2013_mtf, williams_1994_mtf
 from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.psfs.cells import OUTSIDE, radial_psf
 from isetcl.units import NM_PER_MM
@@ -62,7 +62,7 @@ def ijspeert_psf(
     age_years: float = 35.0,
     pigmentation: float = 0.142,
 ) -> Psf:
-    """The PSF of `isetcl.eye.glare.ijspeert_psf` at the eye's pupil, by age and pigmentation m."""
+    """The PSF of `glare.ijspeert_psf` at the eye's pupil, by age and pigmentation m."""
     share, width = ijspeert_terms(age_years, pigmentation, _pupil_mm(eye))
 
     def enclosed(angle_deg: np.ndarray) -> np.ndarray:

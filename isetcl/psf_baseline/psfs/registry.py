@@ -141,7 +141,7 @@ def _geometric(
     return geometric_psf(eye, wavelength_nm, vergence_dpt, pitch_deg, field_deg)
 
 
-_EYE = {"knows_wavelength": True, "knows_depth": True, "knows_field": True}
+_EYE: dict[str, Any] = {"knows_wavelength": True, "knows_depth": True, "knows_field": True}
 
 _KINDS = (
     PsfKind("geometric", _geometric, "the eye's own rays", "no diffraction", **_EYE),

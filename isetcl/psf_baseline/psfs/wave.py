@@ -8,7 +8,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError
 from isetcl.eye.model import Eye
-from isetcl.eye.wavefront import Wavefront
+from isetcl.eye.waves.wavefront import Wavefront
 from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.psfs.cells import binned, cropped, psf_of
 
@@ -39,9 +39,7 @@ def wave_psf(
     distance = 1.0 / vergence_dpt if vergence_dpt > 0 else math.inf
     samples: int | None = None
     while True:
-        front = eye.wavefront(
-            field_deg, wavelength_nm, object_distance_m=distance, samples=samples
-        )
+        front = eye.wavefront(field_deg, wavelength_nm, object_distance_m=distance, samples=samples)
         if not front.is_sampled:
             samples = _more(front, front.samples_needed())
             continue
