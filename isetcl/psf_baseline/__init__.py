@@ -4,17 +4,24 @@ This package never touches OpenCL or the renderer: a baseline that shared code w
 judges would prove nothing.
 """
 
+from isetcl.psf_baseline.bank import PsfBank
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
+from isetcl.psf_baseline.psf_cache import PsfCache
+from isetcl.psf_baseline.psfs import PsfKind, psf_kinds
 from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
 from isetcl.psf_baseline.render import render
 
 __all__ = [
     "Method",
     "Psf",
+    "PsfBank",
+    "PsfCache",
+    "PsfKind",
     "PupilOffsets",
     "geometric_psf",
     "methods",
+    "psf_kinds",
     "pupil_offsets",
     "render",
 ]
