@@ -51,7 +51,7 @@ from isetcl.version import __version__
 
 SLICINGS = ("auto", "hard", "soft")
 
-_TILE_BYTES = 0.9e9
+_TILE_BYTES = 1.6e9
 _LEAST_TILE = 64  # pixels
 _LARGEST_REACH_DEG = 2.0
 
