@@ -4,16 +4,22 @@ This package never touches OpenCL or the renderer: a baseline that shared code w
 judges would prove nothing.
 """
 
+from isetcl.psf_baseline.depth_files import load_depth, load_depth_image
+from isetcl.psf_baseline.depth_image import DepthImage, DepthSheet
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
 from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
 from isetcl.psf_baseline.render import render
 
 __all__ = [
+    "DepthImage",
+    "DepthSheet",
     "Method",
     "Psf",
     "PupilOffsets",
     "geometric_psf",
+    "load_depth",
+    "load_depth_image",
     "methods",
     "pupil_offsets",
     "render",

@@ -11,6 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,15 @@ from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import irradiance_per_radiance
 from isetcl.memory import check_memory
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
+from isetcl.psf_baseline.depth_image import DepthImage
 from isetcl.psf_baseline.methods import Method, methods
+from isetcl.psf_baseline.picture_source import (
+    Source,
+    image_grid,
+    image_wavelengths,
+    picture_stack,
+)
+from isetcl.psf_baseline.picture_stack import Border, Hidden, PictureStack
 from isetcl.psf_baseline.plane import fields_seen_deg, plane_throughput
 from isetcl.psf_baseline.psf import Psf, geometric_psf
 from isetcl.psf_baseline.pupil import MAX_SAMPLES, PupilOffsets, pupil_offsets
@@ -40,13 +49,13 @@ from isetcl.psf_baseline.view import (
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
-from isetcl.scene.basis import spectral_basis
+from isetcl.retina.pinhole_view import PinholeView
+from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.light import Environment
 from isetcl.scene.light_field import LightField
 from isetcl.scene.model import Scene
 from isetcl.scene.texture import Image
 from isetcl.scene.view import intersect, texels_across
-from isetcl.spectrum import check_wavelengths, default_wavelengths_nm
 from isetcl.units import MM_PER_M
 from isetcl.version import __version__
 
@@ -58,16 +67,18 @@ _MARGIN_ROUNDS = 4
 
 
 def render(
-    scene: Scene,
+    scene: Source,
     eye: Eye,
     *,
     method: str = "layered_sum",
     psf: str = "geometric",
     layers: Layers = "auto",
-    fov_deg: float | tuple[float, float] = 10.0,
-    resolution: int | tuple[int, int] = 256,
-    centre_deg: Centre = (0.0, 0.0),
+    fov_deg: float | tuple[float, float] | None = None,
+    resolution: int | tuple[int, int] | None = None,
+    centre_deg: Centre | None = None,
     wavelengths_nm: np.ndarray | None = None,
+    border: Border = "reflect",
+    hidden: Hidden = "extend",
     oversampling: int = 2,
     slicing: str = "auto",
     pupil_samples: int | None = None,
@@ -81,8 +92,18 @@ def render(
 
     Parameters
     ----------
-    scene, eye, fov_deg, resolution, centre_deg, wavelengths_nm
-        As in `isetcl.render`; the image lies on the same grid.
+    scene
+        A `Scene`, or pictures of one: a `PinholeView` or a `DepthImage`, seen from the middle of
+        the entrance pupil.
+    eye, fov_deg, resolution, centre_deg, wavelengths_nm
+        As in `isetcl.render`; the image lies on the same grid. None is what the picture has.
+    border
+        What lies beyond the borders of a picture, which blur brings in: ``"reflect"`` (mirrored,
+        as often as the PSF needs), ``"replicate"`` (its outermost pixels) or ``"zero"`` (dark). A
+        scene goes on by itself.
+    hidden
+        What lies behind a picture without hidden layers, for methods that need it: ``"extend"``
+        (the nearest pixel that is farther away) or ``"none"`` (dark).
     method
         One of `methods()`, for instance ``"layered_sum"`` or ``"pupil_clipped"``.
     psf
@@ -117,9 +138,10 @@ def render(
     """
     start = time.perf_counter()
     chosen: Method = methods()[check_choice("method", method, methods())]
-    check_type("scene", scene, Scene)
+    check_type("scene", scene, (Scene, PinholeView, DepthImage))
     check_type("eye", eye, Eye)
-    _check_emission_only(scene)
+    if isinstance(scene, Scene):
+        _check_emission_only(scene)
     check_choice("psf", psf, PSF_KINDS)
     oversampling = check_count("oversampling", oversampling, 1, 8)
     check_choice("slicing", slicing, SLICINGS)
@@ -131,24 +153,28 @@ def render(
         )
     if scatter is not None:
         check_type("scatter", scatter, ScatterModel)
-    grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
-    wavelengths = check_wavelengths(
-        default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
-    )
+        check_type("scene", scene, Scene, "scattered light comes from outside pictures too")
+    grid = image_grid(scene, eye, fov_deg, resolution, centre_deg)
+    wavelengths = image_wavelengths(scene, wavelengths_nm)
     check_eye_wavelengths(eye, wavelengths)
     _check_square(grid)
     transmittance = transmittance_or_one(media, wavelengths)
-    scene = _filtered(scene, grid, oversampling)
-    basis = spectral_basis(scene, wavelengths)
-    edges, psfs, margin = _layers_and_psfs(scene, grid, layers, wavelengths, oversampling)
+    if isinstance(scene, Scene):
+        source: Scene | PictureStack = _filtered(scene, grid, oversampling)
+    else:
+        source = picture_stack(scene, wavelengths, border, hidden)
+    basis = _basis(source, wavelengths)
+    edges, psfs, margin = _layers_and_psfs(source, grid, layers, wavelengths, oversampling)
     view = ViewGrid(grid, oversampling, margin)
     _check_memory(view, len(edges) - 1, len(basis.spectra), len(wavelengths), chosen)
     taken = take_layers(
-        scene, view, basis, _open_ended(edges), complete=chosen.needs_complete_layers
+        source, view, basis, _open_ended(edges), complete=chosen.needs_complete_layers
     )
     taken = _prepared(taken, chosen, slicing)
     irradiance = np.zeros((len(wavelengths), *grid.shape), dtype=np.float32)
-    spread = None if scatter is None else veil(scene, view, basis, scatter)
+    spread = None
+    if scatter is not None and isinstance(source, Scene):
+        spread = veil(source, view, basis, scatter)
     if taken or spread is not None:
         spectra = LayerSpectra(taken) if taken else None
         for i, wavelength in enumerate(wavelengths):
@@ -168,8 +194,9 @@ def render(
         "method": method,
         "psf": psf,
         "version": __version__,
-        "scene": scene.name,
-        "scene_digest": scene.digest(),
+        "scene": source.name,
+        "scene_digest": source.digest(),
+        **_assumed(source, view),
         "layers_dpt": [layer.vergence_dpt for layer in taken],
         "oversampling": oversampling,
         "slicing": chosen.slicing if slicing == "auto" else slicing,
@@ -184,9 +211,30 @@ def render(
         grid,
         wavelengths,
         irradiance,
-        vergence_dpt=vergence_map(scene, grid),
+        vergence_dpt=(
+            vergence_map(source, grid) if isinstance(source, Scene) else source.vergence_map(grid)
+        ),
         provenance=details,
     )
+
+
+def _basis(source: Scene | PictureStack, wavelengths_nm: np.ndarray) -> SpectralBasis:
+    if isinstance(source, Scene):
+        return spectral_basis(source, wavelengths_nm)
+    return source.basis
+
+
+def _assumed(source: Scene | PictureStack, view: ViewGrid) -> dict[str, Any]:
+    """What was assumed beyond and behind pictures, for provenance."""
+    if isinstance(source, Scene):
+        return {}
+    across = min(view.shape) - 2 * view.margin
+    return {
+        "border": source.border,
+        "border_samples": view.margin,
+        "blur_is_wider_than_image": view.margin > across,
+        "hidden": source.hidden if len(source.sheets) == 1 else "given",
+    }
 
 
 def _prepared(layers: list[Layer], method: Method, slicing: str) -> list[Layer]:
@@ -267,7 +315,7 @@ def _filtered(scene: Scene, grid: RetinalGrid, oversampling: int) -> Scene:
 
 
 def _layers_and_psfs(
-    scene: Scene,
+    scene: Scene | PictureStack,
     grid: RetinalGrid,
     layers: Layers,
     wavelengths_nm: np.ndarray,
@@ -303,10 +351,12 @@ def _open_ended(edges_dpt: np.ndarray) -> np.ndarray:
     return edges
 
 
-def _layer_vergences(scene: Scene, grid: RetinalGrid, edges_dpt: np.ndarray) -> list[float]:
+def _layer_vergences(
+    scene: Scene | PictureStack, grid: RetinalGrid, edges_dpt: np.ndarray
+) -> list[float]:
     """A vergence for every layer: its mean in a coarse view, or its middle if nothing is seen."""
     coarse = RetinalGrid.of(grid.eye, grid.fov_deg, (33, 33), grid.centre_deg)
-    basis = spectral_basis(scene, np.array([grid.wavelength_nm]))
+    basis = _basis(scene, np.array([grid.wavelength_nm]))
     verges = []
     for low, high in itertools.pairwise(edges_dpt):
         view = ViewGrid(coarse, 1, 0)
