@@ -19,7 +19,7 @@ from common import interleave, save, show, versions
 import isetcl as ic
 from isetcl.device.choose import find_device
 from isetcl.device.huygens import HuygensSum
-from isetcl.eye.diffraction_psf import visual_angles_deg
+from isetcl.eye.waves.diffraction_psf import visual_angles_deg
 
 SIZE = 128
 FOV_ARCMIN = 10.0

@@ -19,10 +19,8 @@ from isetcl.errors import (
     OutOfMemoryError,
 )
 from isetcl.eye import catalog as eyes
-from isetcl.eye.artificial_pupil import ArtificialPupil
-from isetcl.eye.contact_lens import ContactLens
+from isetcl.eye.bending.ray_bending import Hurb
 from isetcl.eye.files.load import load_eye
-from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -33,20 +31,22 @@ from isetcl.eye.media import (
     TabulatedDispersion,
 )
 from isetcl.eye.model import Eye
-from isetcl.eye.ocular_media import OcularMedia, ocular_transmittance
+from isetcl.eye.people.ocular_media import OcularMedia, ocular_transmittance
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.eye.placement import Placement
-from isetcl.eye.ray_bending import Hurb
 from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
-from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
-from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
+from isetcl.eye.worn.artificial_pupil import ArtificialPupil
+from isetcl.eye.worn.contact_lens import ContactLens
+from isetcl.eye.worn.intraocular_lens import IntraocularLens
+from isetcl.eye.worn.spectacles import SpectacleLens
 
 # The function `render` takes the place of the package of the same name as an attribute of isetcl;
 # `from isetcl.render.plan import ...` goes on working.

@@ -19,8 +19,8 @@ from isetcl import cli_scene
 from isetcl.errors import InvalidInputError, check_positive
 
 if TYPE_CHECKING:
+    from isetcl.eye.aberrations.mtf_table import MtfTable
     from isetcl.eye.model import Eye
-    from isetcl.eye.mtf_table import MtfTable
 
 _EYE_HELP = "A model eye by its name, such as navarro, or a file: .json, .zmx or .dat."
 _PUPIL_HELP = "Diameter of the stop (iris), mm (default: 4, or that of the file)."
@@ -52,7 +52,7 @@ def eye(
     from rich.console import Console
 
     from isetcl import cli_tables
-    from isetcl.eye.summary import summarise
+    from isetcl.eye.aberrations.summary import summarise
 
     fields = _numbers("--field", field, "0,5,10")
     check_positive("--wavelength", wavelength, "nm")
@@ -93,7 +93,7 @@ def mtf(
     from rich.console import Console
 
     from isetcl import cli_tables
-    from isetcl.eye.mtf_table import mtf_table
+    from isetcl.eye.aberrations.mtf_table import mtf_table
 
     frequencies = _numbers("--frequency", frequency, "5,10,20,30,60")
     if min(frequencies) < 0:
@@ -169,7 +169,7 @@ def _draw_all(
     """Every picture, and all on one page."""
     from matplotlib.figure import Figure
 
-    from isetcl.eye.overview import PAGE_IN, Overview
+    from isetcl.eye.pictures.overview import PAGE_IN, Overview
 
     overview = Overview(model, fields, wavelength, distance)
     for picture in overview.names():
@@ -193,7 +193,7 @@ def _write_mtf(
     """The table as CSV and JSON, and curves through more frequencies."""
     from matplotlib.figure import Figure
 
-    from isetcl.eye import curve_pictures
+    from isetcl.eye.pictures import curve_pictures
 
     found = dense.at(frequencies)
     text = io.StringIO()

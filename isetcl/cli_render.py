@@ -106,7 +106,7 @@ def render(
 
     Ctrl-C ends a render early and keeps the image so far.
     """
-    from isetcl.eye.scatter import ScatterModel
+    from isetcl.eye.people.scatter import ScatterModel
 
     try:
         with _warnings_as_notes():

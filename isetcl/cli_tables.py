@@ -6,16 +6,16 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from isetcl.eye.picture_parts import field_name
-from isetcl.eye.zernike import osa_nm
+from isetcl.eye.pictures.picture_parts import field_name
+from isetcl.eye.waves.zernike import osa_nm
 
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from isetcl.eye.aberrations.mtf_table import MtfTable
+    from isetcl.eye.aberrations.summary import EyeSummary, FieldSummary
     from isetcl.eye.model import Eye
-    from isetcl.eye.mtf_table import MtfTable
     from isetcl.eye.retina import Retina
-    from isetcl.eye.summary import EyeSummary, FieldSummary
     from isetcl.eye.surface import Surface
 
 NOTHING = "–"
@@ -153,7 +153,7 @@ def _part(field: FieldSummary, name: str) -> float | None:
 
 
 def _zernikes(summary: EyeSummary) -> Table:
-    from isetcl.eye.wave_pictures import TERM_NAMES
+    from isetcl.eye.pictures.wave_pictures import TERM_NAMES
 
     fits = [field.zernike for field in summary.fields]
     radius = next(fit.radius_mm for fit in fits if fit is not None)

@@ -6,6 +6,8 @@ all methods approximate, point by point, and shares nothing with them.
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
@@ -19,6 +21,7 @@ RADIUS_MM = 1e3 * np.pi / 180.0
 """With this pupil radius the blur circle of a dioptre has a radius of a degree, a sample."""
 
 
+@functools.lru_cache(maxsize=32)
 def disc(radius, fineness=16):
     """A uniform disc PSF by its area on each sample; less than half a sample wide it is a point."""
     if abs(radius) < 0.5:

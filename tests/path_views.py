@@ -6,6 +6,7 @@ import functools
 import numpy as np
 
 import isetcl as ic
+from isetcl.device.eye_features import EyeFeatures
 from isetcl.eye.field import direction_from_field
 from isetcl.render.kernel_config import PathConfig
 from isetcl.render.paths import PathPipeline
@@ -17,15 +18,21 @@ DARK = ic.Emission(ic.Spectrum.constant(0.0))
 EYE = ic.eyes.navarro(3.0)
 PINHOLE = ic.eyes.navarro(0.05)
 ONE = {"wavelengths_nm": [550.0], "bands": 1}
-_LEFT_OUT = ("has_far_side", "has_semi_diameters", "has_real_powers")
+_OF_THE_EYE = {field.name for field in dataclasses.fields(EyeFeatures)} | {
+    "has_aspheric_retina",
+    "has_asymmetry",
+    "has_relief",
+    "has_far_side",
+    "has_semi_diameters",
+    "has_scatter",
+}
 EVERYTHING = {
     field.name: True
     for field in dataclasses.fields(PathConfig)
-    if field.name.startswith("has_")
-    and field.name not in _LEFT_OUT
-    and not field.name.endswith("_gradients")
+    if field.name.startswith("has_") and field.name not in _OF_THE_EYE
 } | {"combined_depth": 2}
-"""Changes of a configuration that compile all features in, so that scenes share one kernel."""
+"""Changes of a configuration that compile all features of scenes in, so that scenes share one
+kernel."""
 
 
 @functools.cache

@@ -8,9 +8,9 @@ from test_asymmetric_eyes import NM, changed, crooked
 
 import isetcl as ic
 from isetcl.eye import astigmatism
+from isetcl.eye.aberrations.refraction_error import oblique_foci
 from isetcl.eye.placement import Placement
 from isetcl.eye.prescription import elements
-from isetcl.eye.refraction_error import oblique_foci
 from isetcl.eye.sequential import trace_elements
 
 
@@ -120,3 +120,11 @@ def test_an_astigmatic_eye_is_in_focus_at_the_circle_of_least_confusion():
     # The mean square is (P_x + V)^2 + (P_y + V)^2: least at the mean.
     mean = -astigmatism.paraxial_refraction(eye, NM).m_dpt
     assert eye.focus_vergence_dpt(NM) == pytest.approx(mean, abs=2e-3)
+
+
+def test_an_eye_tells_its_meridians_and_pencils():
+    eye = crooked()
+    assert eye.principal_meridians(NM) == astigmatism.principal_meridians(eye, NM)
+    assert eye.pencil_refraction(5.0, NM) == astigmatism.pencil_refraction(eye, (0.0, 5.0), NM)
+    with pytest.raises(ic.InvalidInputError, match="figures of revolution"):
+        eye.longitudinal_spherical_aberration_dpt([1.0])

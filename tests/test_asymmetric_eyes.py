@@ -7,7 +7,8 @@ import pytest
 from scipy.special import ellipeinc
 
 import isetcl as ic
-from isetcl.eye import geometric, sequential
+from isetcl.eye import sequential
+from isetcl.eye.aberrations import geometric
 from isetcl.eye.exit_pupil import exit_pupil_bound
 from isetcl.eye.exit_pupil_plane import plane_pupil_bound
 from isetcl.eye.field import direction_from_field

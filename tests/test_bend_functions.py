@@ -11,8 +11,8 @@ from isetcl.device import program
 from isetcl.device.bending import SCATTER_NODES, Bend, add_bends
 from isetcl.device.elements import ELEMENT, PackedEye, declarations, pack_eye
 from isetcl.device.layout import real_dtype
+from isetcl.eye.bending.ray_bending import Airy, Hurb, bend
 from isetcl.eye.prescription import ElementKind, elements
-from isetcl.eye.ray_bending import Airy, Hurb, bend
 from isetcl.render import pack
 from isetcl.render.kernel_config import KernelConfig
 

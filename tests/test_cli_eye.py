@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 import isetcl as ic
 from isetcl import cli
-from isetcl.eye import overview
-from isetcl.eye.mtf_table import mtf_table
-from isetcl.eye.summary import summarise
+from isetcl.eye.aberrations.mtf_table import mtf_table
+from isetcl.eye.aberrations.summary import summarise
+from isetcl.eye.pictures import overview
 
 
 def run(*arguments):

@@ -10,7 +10,7 @@ import isetcl as ic
 from isetcl import ArtificialPupil, ContactLens, IntraocularLens, SpectacleLens
 from isetcl.errors import InvalidInputError
 from isetcl.eye.sequential import trace
-from isetcl.eye.worn_lens import POWER_WAVELENGTH_NM
+from isetcl.eye.worn.surfaces import POWER_WAVELENGTH_NM
 
 UNIT = ic.Spectrum.constant(1.0)
 

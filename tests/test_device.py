@@ -130,7 +130,7 @@ def test_without_any_device_the_message_says_how_to_get_one(monkeypatch):
 def test_includes_are_inlined_once_and_lines_keep_their_numbers():
     source = program.assemble("direct.cl", {"WIDTH": 1})
     assert "#include" not in source
-    assert source.count("typedef struct {\n  realv x, y, z;") == 1
+    assert source.count("} rayv;") == 1
     lines = source.splitlines()
     # After every #line directive the numbering follows the file.
     name, number = None, 0

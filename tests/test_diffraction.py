@@ -9,8 +9,8 @@ from oracles import reduced_eye
 from scipy.special import j1
 
 import isetcl as ic
-from isetcl.eye import diffraction_psf
-from isetcl.eye.refraction_error import best_focus_dpt, through_focus
+from isetcl.eye.aberrations.refraction_error import best_focus_dpt, through_focus
+from isetcl.eye.waves import diffraction_psf
 
 
 def aberration_free(front):

@@ -14,10 +14,10 @@ from typer.testing import CliRunner
 import isetcl as ic
 from isetcl.cli import app
 from isetcl.errors import InvalidInputError
-from isetcl.eye.airy import FIRST_ZERO, circle_otf, share_beyond
-from isetcl.eye.bent_otf import bent_otf
-from isetcl.eye.geometric import spot
-from isetcl.eye.ray_bending import Airy, Hurb
+from isetcl.eye.aberrations.geometric import spot
+from isetcl.eye.bending.airy import FIRST_ZERO, circle_otf, share_beyond
+from isetcl.eye.bending.bent_otf import bent_otf
+from isetcl.eye.bending.ray_bending import Airy, Hurb
 from isetcl.render import sobol
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.paths import PathPipeline

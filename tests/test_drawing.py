@@ -8,10 +8,11 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 import isetcl as ic
-from isetcl.eye import curve_pictures, wave_pictures, zernike
-from isetcl.eye.overview import Overview
-from isetcl.eye.picture_parts import round_length, wavelength_colour
-from isetcl.eye.ray_fan import half_chord_mm
+from isetcl.eye.pictures import curve_pictures, wave_pictures
+from isetcl.eye.pictures.overview import Overview
+from isetcl.eye.pictures.picture_parts import round_length, wavelength_colour
+from isetcl.eye.pictures.ray_fan import half_chord_mm
+from isetcl.eye.waves import zernike
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl.eye.chromatic import tca_arcmin
+from isetcl.eye.aberrations.chromatic import tca_arcmin
 from isetcl.eye.paraxial import object_vergence_dpt
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl.eye.chromatic import lca_dpt
+from isetcl.eye.aberrations.chromatic import lca_dpt
 from isetcl.eye.paraxial import object_vergence_dpt
 
 D_NM = 589.3

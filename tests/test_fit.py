@@ -8,8 +8,8 @@ import pytest
 from scipy import stats
 
 import isetcl as ic
-from isetcl.eye.parameters import get_parameter, parameter_names, with_parameters
-from isetcl.eye.zernike import ZernikeFit
+from isetcl.eye.fitting.parameters import get_parameter, parameter_names, with_parameters
+from isetcl.eye.waves.zernike import ZernikeFit
 
 fit, measure, ZernikeMeasurement = ic.eyes.fit, ic.eyes.measure, ic.eyes.ZernikeMeasurement
 

@@ -7,9 +7,9 @@ import pytest
 from scipy.integrate import quad, trapezoid
 
 import isetcl as ic
-from isetcl.eye import glare
 from isetcl.eye.field import direction_from_field
-from isetcl.eye.scatter import ScatterModel, hankel, radial_kernel
+from isetcl.eye.people import glare
+from isetcl.eye.people.scatter import ScatterModel, hankel, radial_kernel
 
 MODELS = [ScatterModel(20.0, 0.5, "vos_van_den_berg"), ScatterModel(70.0, 1.0, "cie_general")]
 

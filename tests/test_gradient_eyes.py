@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl.eye.ageing import LENS_EDGE, lens_core, lens_geometry
-from isetcl.eye.chromatic import lca_dpt
+from isetcl.eye.aberrations.chromatic import lca_dpt
+from isetcl.eye.aberrations.refraction_error import longitudinal_spherical_aberration_dpt
+from isetcl.eye.models.ageing import LENS_EDGE, lens_core, lens_geometry
 from isetcl.eye.paraxial import object_vergence_dpt
-from isetcl.eye.refraction_error import longitudinal_spherical_aberration_dpt
 from isetcl.eye.sequential import trace
 
 HEIGHTS = [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]

@@ -8,8 +8,14 @@ from scipy import integrate, special
 
 import isetcl as ic
 from isetcl.errors import InvalidInputError
-from isetcl.eye.airy import FIRST_ZERO, airy_table, circle_otf, radius_of_share, share_beyond
-from isetcl.eye.ray_bending import Airy, Hurb, bend, diffraction_model, to_disc
+from isetcl.eye.bending.airy import (
+    FIRST_ZERO,
+    airy_table,
+    circle_otf,
+    radius_of_share,
+    share_beyond,
+)
+from isetcl.eye.bending.ray_bending import Airy, Hurb, bend, diffraction_model, to_disc
 
 # Facts on validation, HURB: OTF at s = .1 .2 .3 .4 .5 .6 .8, peak over Airy's, energy within the
 # first dark ring.

@@ -9,7 +9,7 @@ from numpy.polynomial.polynomial import polyval
 
 import isetcl as ic
 from isetcl.device.huygens import HuygensSum, _Waves
-from isetcl.eye import diffraction_psf
+from isetcl.eye.waves import diffraction_psf
 
 # Of the largest amplitude.
 TOLERANCE = {"single": 1e-4, "double": 1e-10}

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from isetcl.errors import InvalidInputError
-from isetcl.eye import arizona, legrand, navarro
-from isetcl.eye.build import PupilSpec
 from isetcl.eye.media import AbbeDispersion, ConstantIndex, CornuDispersion, Medium
+from isetcl.eye.models import arizona, legrand, navarro
+from isetcl.eye.models.parts import PupilSpec
 
 # Escudero-Sanz & Navarro 1999, table of indices at four wavelengths.
 NAVARRO_TABLE = {

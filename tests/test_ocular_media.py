@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl.eye.ocular_media import OcularMedia, ocular_density, ocular_transmittance
+from isetcl.eye.people.ocular_media import OcularMedia, ocular_density, ocular_transmittance
 
 LIGHT = ic.Spectrum.constant(1.0)
 EVEN = ic.Scene(name="even", objects=(), background=LIGHT)

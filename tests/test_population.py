@@ -8,10 +8,10 @@ from scipy import stats
 from scipy.io import savemat
 
 import isetcl as ic
-from isetcl.eye import human_mtf, pupil_size
-from isetcl.eye.population import Population, load_population
-from isetcl.eye.virtual_eye import chromatic_difference_dpt, radial_mtf, wavefront_of
-from isetcl.eye.zernike import ZernikeFit, from_sparse, noll_nm, norm, osa_index
+from isetcl.eye.people import human_mtf, pupil_size
+from isetcl.eye.people.population import Population, load_population
+from isetcl.eye.people.virtual_eye import chromatic_difference_dpt, radial_mtf, wavefront_of
+from isetcl.eye.waves.zernike import ZernikeFit, from_sparse, noll_nm, norm, osa_index
 
 WATSON_CPD = [5.0, 10.0, 15.0, 20.0, 30.0, 40.0, 50.0, 60.0]
 WATSON = {

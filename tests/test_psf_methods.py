@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 from layers import RADIUS_MM, combined, disc, layer, reference, visible
-from oracles import reduced_eye
 
 import isetcl as ic
-from isetcl.psf_baseline import geometric_psf, methods, pupil_offsets
+from isetcl.psf_baseline import methods
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
 from isetcl.psf_baseline.pupil import thin_lens_offsets
-from isetcl.psf_baseline.slicing import closed, soft_slices
+from isetcl.psf_baseline.slicing import closed
 from isetcl.psf_baseline.view import Layer
 
 VISIBLE = [name for name, method in methods().items() if not method.needs_complete_layers]
@@ -106,12 +105,10 @@ def test_methods_that_follow_rays_have_no_edge_error(name, case):
     assert integral < 0.005
 
 
-def test_one_psf_is_as_wrong_at_an_edge_as_the_sum_where_the_other_layer_is_sharp():
-    # The far layer covers as much, the nearer one is taken: case B blurs the far one like it,
-    # which the sum of equal blur gets right; in case A all stays sharp, which is right too, since
-    # what is blurred is even.
-    for case in CASES:
-        assert edge_errors("single", *CASES[case])[0] < 1e-3
+@pytest.mark.parametrize("case", CASES)
+def test_one_psf_is_that_of_the_nearer_of_two_layers_alike(case):
+    # Half the view each. Before an even field only the nearer layer's blur is to be seen.
+    assert edge_errors("single", *CASES[case])[0] < 1e-3
 
 
 # ---- textures -------------------------------------------------------------------------------
@@ -199,11 +196,12 @@ def test_clipped_psfs_and_aperture_samples_converge_to_the_integral(functions, d
 
     # What is left beside the cells: samples of a finite size.
     floor = 0.0035
-    assert rms("pupil_clipped", 200) < floor
-    assert rms("aperture_samples", 400) < floor
+    clipped, sampled_views = rms("pupil_clipped", 100), rms("aperture_samples", 300)
+    assert clipped < floor
+    assert sampled_views < floor
     # Few cells leave more; perfect layers put over each other are worse than either.
-    assert rms("pupil_clipped", 4) > 2.0 * rms("pupil_clipped", 200)
-    assert rms("aperture_samples", 8) > 4.0 * rms("aperture_samples", 400)
+    assert rms("pupil_clipped", 3) > 2.0 * clipped
+    assert rms("aperture_samples", 8) > 4.0 * sampled_views
     assert rms("layered_over", 0) > 2.0 * floor
 
 
@@ -212,9 +210,9 @@ def test_layers_of_equal_defocus_are_blurred_as_one_picture(name):
     layers = [sampled(f, float(k)) for k, f in enumerate((far_wall, bar, curtain))]
     seen = sum(each.colour for each in visible(layers))
     image = combined(name, layers, (9.0, 9.0, 9.0))
-    from scipy.signal import fftconvolve
+    from scipy.ndimage import convolve
 
-    truth = fftconvolve(seen[0].astype(float), disc(9.0).kernel, mode="same")
+    truth = convolve(seen[0].astype(float), disc(9.0).kernel, mode="constant")
     inner = slice(12, -12)
     assert np.max(np.abs(image - truth)[inner, inner]) < 1e-5
 
@@ -330,151 +328,6 @@ def test_objects_before_nothing_do_not_spread_into_it():
         np.testing.assert_allclose(image, truth, atol=1.1e-3 if name == "ikoma" else 1e-5)
 
 
-# ---- soft slices ----------------------------------------------------------------------------
-
-
-def ramp_layers(count=4, n=64):
-    """A surface whose vergence grows evenly from 0 to 1 along a row, in hard layers."""
-    vergence = np.broadcast_to((np.arange(n) + 0.5) / n, (8, n)).astype(np.float32)
-    which = np.floor(vergence * count).astype(int)
-    cover = [np.float32(which == k) for k in range(count)]
-    return vergence, [
-        Layer((k + 0.5) / count, np.stack([c, c * vergence]), c, c * vergence)
-        for k, c in enumerate(cover)
-    ]
-
-
-def test_soft_slices_of_visible_layers_add_up_and_have_the_vergence_of_each_sample():
-    vergence, layers = ramp_layers()
-    soft = soft_slices(layers, complete=False)
-    np.testing.assert_allclose(sum(s.coverage for s in soft), 1.0, atol=1e-6)
-    np.testing.assert_allclose(
-        sum(s.colour for s in soft), sum(h.colour for h in layers), atol=1e-6
-    )
-    mean = sum(s.vergence_dpt * s.coverage for s in soft)
-    # Linear interpolation between layers; beyond the outer ones there is nothing to share with.
-    np.testing.assert_allclose(mean, np.clip(vergence, 0.125, 0.875), atol=1e-6)
-
-
-def test_soft_slices_of_complete_layers_hide_nothing_of_their_own_surface():
-    _, layers = ramp_layers()
-    soft = soft_slices(layers, complete=True)
-    through = np.ones_like(soft[0].coverage)
-    colour = np.zeros_like(soft[0].colour)
-    for each in reversed(soft):
-        colour += through * each.colour
-        through = through * (1.0 - each.coverage)
-    np.testing.assert_allclose(through, 0.0, atol=1e-6)
-    np.testing.assert_allclose(colour, sum(h.colour for h in layers), atol=1e-6)
-
-
-def test_flat_layers_are_not_sliced_softly():
-    n = 8
-    one = np.ones((n, n), np.float32)
-    layers = [Layer(v, one[None], one, one * v) for v in (0.5, 2.0)]
-    soft = soft_slices(layers, complete=True)
-    assert all(a is b for a, b in zip(soft, layers, strict=True))
-
-
-def test_a_ramp_is_even_with_soft_slices_over_each_other_and_dark_with_hard_ones():
-    quad = ic.Quad((-0.2, -0.2, -0.25), (0.4, 0, -0.9), (0, 0.4, 0))
-    light = ic.Spectrum.constant(1.0)
-    scene = ic.Scene((ic.SceneObject("ramp", quad, ic.Emission(light)),))
-    eye = ic.eyes.navarro(4.0, 3.0)
-    where = {"fov_deg": 3.0, "resolution": 48, "wavelengths_nm": [550.0], "layers": 3}
-    even = ic.psf_baseline.render(ic.Scene((), light), eye, **where).irradiance.values
-    ratio = {
-        (name, slicing): ic.psf_baseline.render(
-            scene, eye, method=name, slicing=slicing, **where
-        ).irradiance.values
-        / even
-        for name in ("layered_over", "aperture_samples")
-        for slicing in ("hard", "soft", "auto")
-    }
-    assert ratio["layered_over", "hard"].min() < 0.93
-    assert ratio["layered_over", "soft"].min() > 0.97
-    np.testing.assert_array_equal(ratio["layered_over", "auto"], ratio["layered_over", "hard"])
-    np.testing.assert_array_equal(
-        ratio["aperture_samples", "auto"], ratio["aperture_samples", "soft"]
-    )
-
-
-# ---- rays through the pupil -----------------------------------------------------------------
-
-
-def test_rays_of_a_thin_lens_land_by_their_height_times_the_defocus():
-    # The reduced eye, perfect and focused at infinity, with its pupil at the cornea.
-    found = pupil_offsets(reduced_eye(1.0), 550.0, (0.0, 0.5, 2.0), 64, rays_per_sample=4)
-    thin = thin_lens_offsets(0.5, (0.0, 0.5, 2.0), 64, rays_per_sample=4)
-    # Its spherical aberration at the pupil's edge is a few thousandths of the blur.
-    for name in ("x_deg", "y_deg"):
-        np.testing.assert_allclose(
-            getattr(found, name), getattr(thin, name), atol=4e-3 * np.abs(thin.x_deg).max()
-        )
-    np.testing.assert_allclose(found.weights, thin.weights, rtol=5e-3)
-    assert thin.weights.sum() == pytest.approx(1.0, abs=1e-12)
-    assert found.weights.sum() == pytest.approx(1.0, abs=1e-12)
-
-
-@pytest.mark.parametrize("samples", [1, 2, 7, 48, 256])
-@pytest.mark.parametrize("rays", [1, 16])
-def test_rays_fill_the_disc_evenly(samples, rays):
-    points = thin_lens_offsets(1.0, (0.0,), samples, rays_per_sample=rays).points_mm
-    assert points.shape == (samples, rays, 2)
-    radius2 = np.sum(points**2, axis=-1).ravel()
-    assert radius2.max() < 1.0
-    # Mean square radius and centre of a uniform disc.
-    if samples * rays >= 16:
-        assert radius2.mean() == pytest.approx(0.5, abs=0.02)
-        np.testing.assert_allclose(points.mean(axis=(0, 1)), 0.0, atol=0.06)
-
-
-@pytest.mark.parametrize("field", [(0.0, 0.0), (12.0, -5.0)])
-def test_rays_through_the_pupil_have_the_moments_of_the_psf(field):
-    eye = ic.eyes.navarro(4.0, 2.0)
-    found = pupil_offsets(eye, 550.0, (0.5,), 200, rays_per_sample=16, field_deg=field)
-    psf = geometric_psf(eye, 550.0, 0.5, 0.004, field)
-    n = (np.arange(psf.kernel.shape[0]) - psf.radius) * psf.pitch_deg
-    w, x, y = found.weights, found.x_deg[0], found.y_deg[0]
-    for mine, kernel, places in ((x, psf.kernel.sum(axis=0), n), (y, psf.kernel.sum(axis=1), -n)):
-        scale = math.sqrt(float(np.sum(kernel * places**2)))
-        assert np.sum(w * mine) == pytest.approx(np.sum(kernel * places), abs=0.01 * scale)
-        assert np.sum(w * mine**2) == pytest.approx(np.sum(kernel * places**2), rel=0.02)
-
-
-def test_blue_rays_land_farther_out_by_longitudinal_colour():
-    # Chromatic difference of refraction of Navarro's eye between 450 and 550 nm.
-    eye = ic.eyes.navarro(2.0)
-    blue, green = (pupil_offsets(eye, w, (1.0,), 64) for w in (450.0, 550.0))
-    slope = [
-        -math.radians(float(np.sum(p.x_deg[0] * p.points_mm[..., 0])))
-        * 1e3
-        / float(np.sum(p.points_mm[..., 0] ** 2))
-        for p in (blue, green)
-    ]
-    defocus = slope[0] - slope[1]
-    lca = eye.focus_vergence_dpt(550.0) - eye.focus_vergence_dpt(450.0)
-    assert abs(defocus) == pytest.approx(abs(lca), rel=0.05)
-    assert abs(defocus) > 0.4
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"samples": 0}, "samples"),
-        ({"rays_per_sample": 0}, "rays_per_sample"),
-        ({"vergences_dpt": (float("nan"),)}, "vergences_dpt"),
-        ({"vergences_dpt": ("a",)}, "vergences_dpt"),
-        ({"wavelength_nm": -1.0}, "wavelength_nm"),
-        ({"field_deg": (1.0,)}, "field_deg"),
-    ],
-)
-def test_impossible_rays_are_refused(change, match):
-    arguments = {"wavelength_nm": 550.0, "vergences_dpt": (1.0,), "samples": 4} | change
-    with pytest.raises(ic.InvalidInputError, match=match):
-        pupil_offsets(ic.eyes.navarro(), **arguments)
-
-
 def test_methods_that_follow_rays_say_that_they_need_them():
     layers = [sampled(far_wall, 0.0), sampled(curtain, 1.0)]
     psfs = [disc(3.0), disc(5.0)]
@@ -512,6 +365,30 @@ def test_every_method_agrees_with_ray_tracing_at_one_depth(name, flat):
     rest = np.sqrt(np.maximum(np.mean(difference**2, axis=(1, 2)) - noise2, 0.0))
     # What is left beside the noise: one PSF for the whole field, bilinear samples.
     assert np.all(rest < 4e-3 * level)
+
+
+def test_off_the_axis_aperture_samples_blur_as_the_psf_does():
+    # Coma and astigmatism at 13 degrees: rays through the pupil against the PSF of that place.
+    eye, centre = ic.eyes.navarro(5.0, 2.0), (-5.0, 12.0)
+    scene = ic.scenes.point_source(1.2, centre, diameter_arcmin=6.0)
+    where = {"fov_deg": 1.6, "resolution": 48, "centre_deg": centre, "wavelengths_nm": [550.0]}
+    images = [
+        ic.psf_baseline.render(scene, eye, method=name, **where).irradiance.values[0]
+        for name in ("layered_sum", "aperture_samples")
+    ]
+    assert np.max(np.abs(images[1] - images[0])) < 0.03 * images[0].max()
+
+
+def test_an_object_before_nothing_is_alike_in_all_methods():
+    quad = ic.Quad((-0.005, -0.005, -1.0), (0.01, 0, 0), (0, 0.01, 0))
+    scene = ic.Scene((ic.SceneObject("q", quad, ic.Emission(ic.Spectrum.constant(1.0))),))
+    where = {"fov_deg": 1.0, "resolution": 16, "wavelengths_nm": [550.0]}
+    images = [
+        ic.psf_baseline.render(scene, ic.eyes.navarro(4.0), method=name, **where).irradiance.values
+        for name in methods()
+    ]
+    for image in images:
+        np.testing.assert_allclose(image, images[0], atol=3e-3 * images[0].max())
 
 
 def test_methods_that_follow_rays_are_right_where_two_textures_are_blurred():

@@ -9,11 +9,11 @@ import pytest
 from oracles import mp_trace, reduced_eye
 
 import isetcl as ic
-from isetcl.eye import geometric
+from isetcl.eye.aberrations import geometric
+from isetcl.eye.aberrations.refraction_error import Refraction, oblique_foci
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.object_point import ObjectPoint, pupil_axes
 from isetcl.eye.prescription import elements
-from isetcl.eye.refraction_error import Refraction, oblique_foci
 from isetcl.eye.surface import conic_sag
 
 

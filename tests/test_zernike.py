@@ -7,7 +7,7 @@ import pytest
 from scipy import integrate
 
 import isetcl as ic
-from isetcl.eye import zernike
+from isetcl.eye.waves import zernike
 
 
 def test_polynomials_are_orthonormal_on_the_disc():

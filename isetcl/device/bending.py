@@ -9,10 +9,10 @@ from enum import IntEnum
 import numpy as np
 
 from isetcl.device.elements import PackedEye
-from isetcl.eye.airy import TABLE_SIZE
+from isetcl.eye.bending.airy import TABLE_SIZE
+from isetcl.eye.bending.ray_bending import Diffraction, radial_table, to_disc
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.eye.prescription import Element, ElementKind
-from isetcl.eye.ray_bending import Diffraction, radial_table, to_disc
-from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.stop import Stop
 
 SCATTER_NODES = 4096

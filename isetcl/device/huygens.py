@@ -12,9 +12,9 @@ from isetcl.device.choose import find_device
 from isetcl.device.devices import Device
 from isetcl.device.layout import Precision, real_dtype
 from isetcl.errors import check_type
-from isetcl.eye import diffraction_psf
-from isetcl.eye.diffraction_psf import DiffractionPsf
-from isetcl.eye.wavefront import Wavefront
+from isetcl.eye.waves import diffraction_psf
+from isetcl.eye.waves.diffraction_psf import DiffractionPsf
+from isetcl.eye.waves.wavefront import Wavefront
 
 _PARTS = 8
 """Sums of each point, added on the host: more work-items for GPUs, and less rounding in float32."""

@@ -26,8 +26,8 @@ from isetcl.device.layout import Precision, real_dtype
 from isetcl.device.tracer import RayTracer
 from isetcl.errors import DeviceError
 from isetcl.eye import sequential
-from isetcl.eye.build import PupilSpec
-from isetcl.eye.navarro import NavarroModel
+from isetcl.eye.models.navarro import NavarroModel
+from isetcl.eye.models.parts import PupilSpec
 from isetcl.eye.prescription import elements
 
 log = logging.getLogger(__name__)

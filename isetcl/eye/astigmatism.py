@@ -14,10 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.errors import InvalidInputError
+from isetcl.eye.aberrations.refraction_error import Refraction
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.eye.object_point import ObjectPoint
 from isetcl.eye.prescription import placed_gradients
-from isetcl.eye.refraction_error import Refraction
 from isetcl.units import MM_PER_M
 
 _PARABASAL_MM = 1e-3

@@ -6,24 +6,24 @@ import inspect
 from collections.abc import Callable
 
 from isetcl.errors import InvalidInputError, check_choice
-from isetcl.eye.accommodation import accommodated
-from isetcl.eye.ageing import ageing
-from isetcl.eye.arizona import ArizonaModel
-from isetcl.eye.atchison import atchison
-from isetcl.eye.bennett_rabbetts import bennett_rabbetts
-from isetcl.eye.build import PupilSpec
-from isetcl.eye.fit import EyeFit as EyeFit
-from isetcl.eye.fit import fit as fit
-from isetcl.eye.gullstrand import gullstrand, gullstrand_emsley
-from isetcl.eye.legrand import LeGrandState, legrand_eye
-from isetcl.eye.liou_brennan import liou_brennan
-from isetcl.eye.measurement import ZernikeMeasurement as ZernikeMeasurement
-from isetcl.eye.measurement import measure as measure
+from isetcl.eye.fitting.fit import EyeFit as EyeFit
+from isetcl.eye.fitting.fit import fit as fit
+from isetcl.eye.fitting.measurement import ZernikeMeasurement as ZernikeMeasurement
+from isetcl.eye.fitting.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
-from isetcl.eye.navarro import Hold, NavarroModel
-from isetcl.eye.population import load_population as load_population
-from isetcl.eye.reduced import drasdo_fowler, thibos
+from isetcl.eye.models.accommodation import accommodated
+from isetcl.eye.models.ageing import ageing
+from isetcl.eye.models.arizona import ArizonaModel
+from isetcl.eye.models.atchison import atchison
+from isetcl.eye.models.bennett_rabbetts import bennett_rabbetts
+from isetcl.eye.models.gullstrand import gullstrand, gullstrand_emsley
+from isetcl.eye.models.legrand import LeGrandState, legrand_eye
+from isetcl.eye.models.liou_brennan import liou_brennan
+from isetcl.eye.models.navarro import Hold, NavarroModel
+from isetcl.eye.models.parts import PupilSpec
+from isetcl.eye.models.reduced import drasdo_fowler, thibos
+from isetcl.eye.people.population import load_population as load_population
 from isetcl.units import distance_from_vergence
 
 

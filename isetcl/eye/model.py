@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from isetcl.eye.field import FieldMap
     from isetcl.eye.field_plane import FieldPlane
     from isetcl.eye.paraxial import CardinalPoints, Pupil
-    from isetcl.eye.wavefront import Reference, Wavefront
+    from isetcl.eye.waves.wavefront import Reference, Wavefront
 
 FocusCriterion = Literal["rms_spot", "paraxial"]
 PupilPlane = Literal["stop", "entrance"]
@@ -355,7 +355,7 @@ class Eye(EyeVariants):
             If no chief ray enters from there, most of the stop is vignetted, the wavelength lies
             outside the range of a medium, or an argument breaks its rule.
         """
-        from isetcl.eye import wavefront_trace
+        from isetcl.eye.waves import wavefront_trace
 
         return wavefront_trace.wavefront(
             self,
@@ -376,9 +376,9 @@ class Eye(EyeVariants):
         ax
             Matplotlib axes; None makes a new figure.
         options
-            Those of `isetcl.eye.drawing.draw_eye`.
+            Those of `isetcl.eye.pictures.drawing.draw_eye`.
         """
-        from isetcl.eye import drawing
+        from isetcl.eye.pictures import drawing
 
         for name in options:
             check_choice("option of plot", name, drawing.OPTIONS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from isetcl.eye.pictures import EyePictures
+from isetcl.eye.pictures.methods import EyePictures
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,7 +61,8 @@ class EyeVariants(EyePictures):
         axis_deg
             Direction of the longer diameter, degrees from +x towards +y; None leaves it.
         """
-        from isetcl.eye import build, changes
+        from isetcl.eye import changes
+        from isetcl.eye.models import parts as build
 
         pupil = build.PupilSpec(diameter_mm, plane, decentre_mm, aspect, axis_deg)
         return changes.altered(self._as_eye(), pupil)

@@ -19,8 +19,8 @@ from isetcl.errors import InvalidInputError, check_choice, check_count, check_ty
 from isetcl.eye.field import FieldMap, direction_from_field
 from isetcl.eye.field_plane import FieldPlane
 from isetcl.eye.model import Eye, check_eye_wavelengths
-from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
-from isetcl.eye.scatter import ScatterModel
+from isetcl.eye.people.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.eye.throughput import irradiance_per_radiance
 from isetcl.memory import check_memory
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
@@ -386,7 +386,8 @@ def _check_memory(
     rows, columns = view.shape
     per_sample = 4 * n_layers * (n_basis + 2) + 8 * n_layers * (n_basis + 1) + 32 * (n_basis + 2)
     if method.slicing == "soft" or method.pupil_samples > 0:
-        per_sample += n_layers * (4 * (n_basis + 1) + 12)
+        # Sliced copies of the layers, and sums over the pupil in double precision.
+        per_sample += n_layers * 12 * (n_basis + 1)
     pixels = view.grid.shape[0] * view.grid.shape[1]
     needed = rows * columns * per_sample + pixels * n_wavelengths * 16
     check_memory(

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from isetcl.eye.field import direction_from_field
-from isetcl.eye.scatter import ScatterModel, hankel, radial_kernel
+from isetcl.eye.people.scatter import ScatterModel, hankel, radial_kernel
 from isetcl.psf_baseline.view import ViewGrid, take_layers
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis

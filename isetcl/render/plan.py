@@ -19,14 +19,14 @@ from isetcl.device.choose import find_device
 from isetcl.device.devices import Device
 from isetcl.device.layout import Precision
 from isetcl.errors import check_choice, check_count, check_type
+from isetcl.eye.bending.ray_bending import DiffractionChoice
 from isetcl.eye.exit_pupil import ExitPupilBound
 from isetcl.eye.exit_pupil_plane import PlanePupilBound, pupil_bounds
 from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
-from isetcl.eye.ocular_media import OcularMedia, transmittance_or_one
-from isetcl.eye.ray_bending import DiffractionChoice
+from isetcl.eye.people.ocular_media import OcularMedia, transmittance_or_one
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.eye.retina_form import relief
-from isetcl.eye.scatter import ScatterModel
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.decision import Decision, left_out
 from isetcl.render.kernel_config import (

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import IsetclError, check_type
-from isetcl.eye.bent_otf import bent_otf
-from isetcl.eye.geometric import spot_of_wavefront
-from isetcl.eye.model import Eye
-from isetcl.eye.polychromatic import PEAK_NM
-from isetcl.eye.ray_bending import (
+from isetcl.eye.aberrations.geometric import spot_of_wavefront
+from isetcl.eye.aberrations.polychromatic import PEAK_NM
+from isetcl.eye.bending.bent_otf import bent_otf
+from isetcl.eye.bending.ray_bending import (
     Airy,
     Diffraction,
     DiffractionChoice,
     Hurb,
     diffraction_model,
 )
-from isetcl.eye.scatter import ScatterModel
+from isetcl.eye.model import Eye
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.render.decision import Decision, left_out
 from isetcl.retina.grid import RetinalGrid
 from isetcl.spectrum import luminous_efficiency

@@ -10,10 +10,10 @@ import numpy as np
 
 from isetcl.device.layout import Precision
 from isetcl.errors import check_count, check_type
+from isetcl.eye.bending.ray_bending import DiffractionChoice
 from isetcl.eye.model import Eye
-from isetcl.eye.ocular_media import OcularMedia
-from isetcl.eye.ray_bending import DiffractionChoice
-from isetcl.eye.scatter import ScatterModel
+from isetcl.eye.people.ocular_media import OcularMedia
+from isetcl.eye.people.scatter import ScatterModel
 from isetcl.render.device_scene import DeviceScene
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.film import Film

@@ -8,11 +8,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from isetcl.eye.ageing import AgeingModel
-from isetcl.eye.arizona import ArizonaModel
-from isetcl.eye.artificial_pupil import ArtificialPupil
-from isetcl.eye.bennett_rabbetts import BennettRabbettsModel
-from isetcl.eye.build import PupilSpec
 from isetcl.eye.changes import (
     AlteredModel,
     CorneaChange,
@@ -20,9 +15,7 @@ from isetcl.eye.changes import (
     LensShift,
     VitreousChange,
 )
-from isetcl.eye.contact_lens import ContactLens
 from isetcl.eye.gradient import PolynomialGradient, PolynomialMedium, ShellMedium
-from isetcl.eye.intraocular_lens import IntraocularLens
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -34,7 +27,11 @@ from isetcl.eye.media import (
     TabulatedDispersion,
 )
 from isetcl.eye.model import Eye
-from isetcl.eye.navarro import NavarroModel
+from isetcl.eye.models.ageing import AgeingModel
+from isetcl.eye.models.arizona import ArizonaModel
+from isetcl.eye.models.bennett_rabbetts import BennettRabbettsModel
+from isetcl.eye.models.navarro import NavarroModel
+from isetcl.eye.models.parts import PupilSpec
 from isetcl.eye.placement import Placement
 from isetcl.eye.retina import Retina
 from isetcl.eye.shapes.biconic import Biconic
@@ -42,9 +39,12 @@ from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
-from isetcl.eye.spectacles import SpectacleLens
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface
+from isetcl.eye.worn.artificial_pupil import ArtificialPupil
+from isetcl.eye.worn.contact_lens import ContactLens
+from isetcl.eye.worn.intraocular_lens import IntraocularLens
+from isetcl.eye.worn.spectacles import SpectacleLens
 
 _PARTS: tuple[type[Any], ...] = (Eye, Surface, Stop, Retina, Placement, PupilSpec)
 _SHAPES: tuple[type[Any], ...] = (Biconic, Toric, EvenAsphere, ZernikeSag, HeightMap)

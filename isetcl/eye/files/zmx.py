@@ -10,13 +10,13 @@ from pathlib import Path
 
 from isetcl.errors import FileError, InvalidInputError, check_between
 from isetcl.eye import paraxial
-from isetcl.eye.build import CORNEA_SEMI_DIAMETERS_MM, LENS_SEMI_DIAMETER_MM
 from isetcl.eye.clear_apertures import uncrossed, widest_mm
 from isetcl.eye.files.zmx_frames import Frame, broken, onward, start
 from isetcl.eye.files.zmx_shapes import form_of
 from isetcl.eye.files.zmx_text import ZmxFile, ZmxSurface, read_zmx
 from isetcl.eye.media import AIR, AbbeDispersion, ConstantIndex, Medium
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
+from isetcl.eye.models.parts import CORNEA_SEMI_DIAMETERS_MM, LENS_SEMI_DIAMETER_MM
 from isetcl.eye.retina import Retina
 from isetcl.eye.stop import Stop
 from isetcl.eye.surface import Surface

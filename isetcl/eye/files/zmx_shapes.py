@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import InvalidInputError
-from isetcl.eye import zernike
 from isetcl.eye.files.zmx_text import ZmxSurface
 from isetcl.eye.shapes.biconic import Biconic
 from isetcl.eye.shapes.even_asphere import MAX_TERMS, EvenAsphere
 from isetcl.eye.shapes.shape import SurfaceShape
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import MAX_ORDER, ZernikeSag
+from isetcl.eye.waves import zernike
 
 MOST_TERMS = zernike.term_count(MAX_ORDER)
 SUPPORTED = ("STANDARD", "BICONICX", "TOROIDAL", "EVENASPH", "SZERNSAG", "COORDBRK")

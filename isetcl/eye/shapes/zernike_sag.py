@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_positive
-from isetcl.eye import zernike
 from isetcl.eye.shapes.shape import Departure
+from isetcl.eye.waves import zernike
 
 MAX_ORDER = 10
 """Largest radial order: 66 polynomials."""

@@ -1,6 +1,6 @@
 /* bend.cl - directions that change at random inside an eye: diffraction at its stop, and scatter.
  *
- * What a kernel draws is described in isetcl/eye/ray_bending.py and isetcl/eye/scatter.py. The
+ * What a kernel draws is described in isetcl/eye/bending/ray_bending.py and people/scatter.py. The
  * numbers lie in the eye's table: at `element->bend` of the stop, BEND_* of them for each band.
  */
 #include "lib/disc.cl"

@@ -33,21 +33,34 @@ def aperture_samples(blur: Blur, n_layers: int) -> np.ndarray:
     ndarray, (basis, rows, columns)
     """
     columns, rows, weights = blur.pupil_shifts()
-    columns, rows = columns.mean(axis=-1), rows.mean(axis=-1)
-    sheets = [_Sheet(layer) for layer in blur.layers[:n_layers]]
-    image = np.zeros_like(blur.layers[0].colour)
+    columns, rows, weights = columns.mean(axis=-1), rows.mean(axis=-1), weights.sum(axis=-1)
+    # Nothing stands before the nearest layer: all its views are added at once.
+    nearest = n_layers - 1
+    all_views = blur.points_transfer(columns[nearest], rows[nearest], weights)
+    image = blur.image(all_views * blur.layer_spectrum(nearest))
+    if n_layers == 1:
+        return image
+    sheets = [
+        _Sheet(layer, is_seen=k < nearest, hides=k > 0)
+        for k, layer in enumerate(blur.layers[:n_layers])
+    ]
     light = np.empty_like(blur.layers[0].coverage)
-    for p, weight in enumerate(weights.sum(axis=-1)):
+    for p, weight in enumerate(weights):
         light.fill(weight)
-        for k in range(n_layers - 1, -1, -1):
+        for k in range(nearest, -1, -1):
             sheets[k].add(image, light, float(columns[k, p]), float(rows[k, p]))
     return image
 
 
 class _Sheet:
-    """The covered part of a layer with room around it, so that moving it is slicing."""
+    """The covered part of a layer with room around it, so that moving it is slicing.
 
-    def __init__(self, layer: Layer) -> None:
+    Of the nearest layer only what it hides is wanted, of the farthest only what is seen.
+    """
+
+    def __init__(self, layer: Layer, *, is_seen: bool, hides: bool) -> None:
+        self._channels = len(layer.colour) if is_seen else 0
+        self._hides = hides
         covered_rows = np.flatnonzero(layer.coverage.any(axis=1))
         covered_columns = np.flatnonzero(layer.coverage.any(axis=0))
         if len(covered_rows) == 0:
@@ -56,7 +69,8 @@ class _Sheet:
         self._first = int(covered_rows[0]), int(covered_columns[0])
         self._last = int(covered_rows[-1]) + 1, int(covered_columns[-1]) + 1
         y, x = (slice(a, b) for a, b in zip(self._first, self._last, strict=True))
-        planes = np.concatenate([layer.colour[:, y, x], layer.coverage[None, y, x]])
+        wanted = [layer.colour[:, y, x]] if is_seen else []
+        planes = np.concatenate([*wanted, layer.coverage[None, y, x]] if hides else wanted)
         # Empty samples all around, which a shift by a fraction spreads into.
         self._planes = np.pad(planes, ((0, 0), (2, 2), (2, 2)))
 
@@ -76,8 +90,10 @@ class _Sheet:
             source.append(slice(inside[0] - start, inside[1] - start))
         moved = self._moved(source, row - whole[0], column - whole[1])
         part = light[target[0], target[1]]
-        image[:, target[0], target[1]] += part * moved[:-1]
-        part *= 1.0 - moved[-1]
+        if self._channels > 0:
+            image[:, target[0], target[1]] += part * moved[: self._channels]
+        if self._hides:
+            part *= 1.0 - moved[-1]
 
     def _moved(self, part: list[slice], row: float, column: float) -> np.ndarray:
         """Between neighbours: sample i of the part is (1 - f) a[i] + f a[i - 1]."""

@@ -1,0 +1,1 @@
+"""Aberrations, refraction and image quality of an eye, as numbers and curves."""

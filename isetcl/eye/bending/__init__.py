@@ -1,0 +1,1 @@
+"""Rays bent by diffraction at the stop and by scatter."""

@@ -1,0 +1,1 @@
+"""Eyes fitted to measurements."""

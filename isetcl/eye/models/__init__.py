@@ -1,0 +1,1 @@
+"""Model eyes, one file each, and what they are built of."""

@@ -1,0 +1,1 @@
+"""What differs between people: scatter, media, pupils and populations."""

@@ -1,0 +1,1 @@
+"""Drawings of an eye and of its image quality."""

@@ -1,0 +1,1 @@
+"""Wavefronts and what follows from them: Zernike terms, point spread, transfer."""
