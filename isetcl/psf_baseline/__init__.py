@@ -4,6 +4,7 @@ This package never touches OpenCL or the renderer: a baseline that shared code w
 judges would prove nothing.
 """
 
+from isetcl.psf_baseline.bound import ErrorBound, Verdict, error_bound
 from isetcl.psf_baseline.depth_files import load_depth, load_depth_image
 from isetcl.psf_baseline.depth_image import DepthImage, DepthSheet
 from isetcl.psf_baseline.methods import Method, methods
@@ -14,9 +15,12 @@ from isetcl.psf_baseline.render import render
 __all__ = [
     "DepthImage",
     "DepthSheet",
+    "ErrorBound",
     "Method",
     "Psf",
     "PupilOffsets",
+    "Verdict",
+    "error_bound",
     "geometric_psf",
     "load_depth",
     "load_depth_image",
