@@ -7,6 +7,7 @@ judges would prove nothing.
 from isetcl.psf_baseline.bound import ErrorBound, Verdict, error_bound
 from isetcl.psf_baseline.depth_files import load_depth, load_depth_image
 from isetcl.psf_baseline.depth_image import DepthImage, DepthSheet
+from isetcl.psf_baseline.edge_error import edge_error
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
 from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
@@ -20,6 +21,7 @@ __all__ = [
     "Psf",
     "PupilOffsets",
     "Verdict",
+    "edge_error",
     "error_bound",
     "geometric_psf",
     "load_depth",

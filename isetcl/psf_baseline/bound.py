@@ -13,7 +13,7 @@ prediction itself may be wrong by, each part from its cause:
   towards them linearly. A shift s changes the image by s . grad L, a variance by half of it times
   the Laplacian;
 * hidden: of a picture without hidden layers, the share of the pupil that sees what is hidden, times
-  the contrast within reach of the blur;
+  the range of the farther radiances within reach: what is hidden is like what is seen beside it;
 * agreement: 0.2 % of each pixel, what methods and ray tracing agree to on flat scenes.
 """
 
@@ -31,14 +31,22 @@ from isetcl.errors import check_between, check_choice, check_count
 from isetcl.eye.model import Eye
 from isetcl.psf_baseline.depth_image import DepthImage
 from isetcl.psf_baseline.methods import methods
-from isetcl.psf_baseline.picture_source import Source, image_grid, image_wavelengths
+from isetcl.psf_baseline.picture_source import (
+    Source,
+    image_grid,
+    image_wavelengths,
+    picture_stack,
+)
 from isetcl.psf_baseline.pupil import MAX_SAMPLES, pupil_offsets
 from isetcl.psf_baseline.render import render
+from isetcl.psf_baseline.view import ViewGrid
 from isetcl.retina.depth_edges import occlusion_strip
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.retina.pinhole_view import PinholeView
 from isetcl.scene.model import Scene
+from isetcl.spectrum import photopic_weights
+from isetcl.units import MM_PER_M
 
 AGREEMENT = 0.002
 """Largest bias of PSF methods against ray tracing on flat scenes, of the mean."""
@@ -193,7 +201,7 @@ def error_bound(
         "edges": _around(np.abs(estimate)),
         "pupil": _around(np.abs(truth - coarse)),
         "field": _field_part(truth, grid, made.provenance["layers_dpt"]),
-        "hidden": _hidden_part(truth, scene, grid, eye, options),
+        "hidden": _hidden_part(scene, grid, eye, options),
         "agreement": AGREEMENT * truth,
     }
     return ErrorBound(
@@ -248,7 +256,7 @@ def _field_part(truth: np.ndarray, grid: RetinalGrid, layers_dpt: list[float]) -
             right * (shift[0, 0] * x + shift[0, 1] * y) + up * (shift[1, 0] * x + shift[1, 1] * y)
         )
         spread = 0.5 * variance / pitch**2 * np.hypot(x, y) / math.sqrt(2.0)
-        part = np.maximum(part, _around(moved) / pitch + spread * _around(bend))
+        part = np.maximum(part, moved / pitch + spread * bend)
     return part
 
 
@@ -280,15 +288,11 @@ def _field_change(
     return matrix, max(abs(variance - own) for _, variance in others)
 
 
-def _hidden_part(
-    truth: np.ndarray, scene: Source, grid: RetinalGrid, eye: Eye, options: dict[str, Any]
-) -> np.ndarray:
+def _hidden_part(scene: Source, grid: RetinalGrid, eye: Eye, options: dict[str, Any]) -> np.ndarray:
     """What content behind a picture could change where the pupil sees behind its edges."""
-    from scipy.ndimage import maximum_filter, minimum_filter
-
-    even = _even_front(scene)
-    if even is None:
-        return np.zeros_like(truth)
+    even = None if isinstance(scene, Scene) else _even_front(scene)
+    if even is None or isinstance(scene, Scene):
+        return np.zeros(grid.shape)
     shown = {k: v for k, v in options.items() if k not in ("hidden", "psf")}
     full, seen = (
         render(
@@ -307,23 +311,44 @@ def _hidden_part(
     )
     lit = full.irradiance.values[0]
     behind = 1.0 - seen.irradiance.values[0] / np.where(lit > 0, lit, 1.0)
-    verges = even.vergence_dpt[even.maps[0][1] > 0]
-    pupil_m = eye.entrance_pupil(grid.wavelength_nm).diameter_mm / 2e3
+    return np.clip(behind, 0.0, 1.0) * _far_contrast(scene, grid, eye)
+
+
+def _far_contrast(scene: PinholeView | DepthImage, grid: RetinalGrid, eye: Eye) -> np.ndarray:
+    """Range of what lies in the farther half of the depths within reach of the blur.
+
+    Of the sharp picture, photopic, relative to its mean.
+    """
+    from scipy.ndimage import maximum_filter, minimum_filter
+
+    wavelengths = _few_wavelengths(scene, None)
+    stack = picture_stack(scene, wavelengths)
+    (front,) = stack.layers_on(ViewGrid(grid, 1, 0), np.array([-np.inf, np.inf]), False)
+    weights = photopic_weights(wavelengths)
+    weights = weights if np.any(weights > 0) else np.ones(len(wavelengths))
+    light = np.tensordot(stack.basis.spectra @ weights, front.colour, axes=1)
+    light = light / max(float(light.mean()), 1e-300)
+    verges = stack.vergence_map(grid)
+    pupil_m = eye.entrance_pupil(grid.wavelength_nm).diameter_mm / 2.0 / MM_PER_M
     reach = math.degrees(pupil_m * float(np.ptp(verges))) / min(grid.pitch_deg)
     size = 2 * math.ceil(min(reach, max(grid.shape))) + 1
-    contrast = maximum_filter(truth, size, mode="nearest") - minimum_filter(
-        truth, size, mode="nearest"
-    )
-    return np.clip(behind, 0.0, 1.0) * contrast
+    # Twice the reach: whoever is within reach of a pixel near an edge must know of the edge too.
+    wide = 2 * size + 1
+    most, least = (f(verges, wide, mode="nearest") for f in (maximum_filter, minimum_filter))
+    is_far = verges <= (most + least) / 2.0
+    high = maximum_filter(np.where(is_far, light, -np.inf), size, mode="nearest")
+    low = minimum_filter(np.where(is_far, light, np.inf), size, mode="nearest")
+    known = np.isfinite(high) & np.isfinite(low)
+    return np.where(known, high, 0.0) - np.where(known, low, 0.0)
 
 
-def _even_front(scene: Source) -> DepthImage | None:
+def _even_front(scene: PinholeView | DepthImage) -> DepthImage | None:
     """A white picture with the depth of one without hidden layers; None of others."""
     if isinstance(scene, DepthImage):
         if scene.hidden:
             return None
         return dataclasses.replace(scene, picture=np.ones(scene.shape), display=None)
-    if not isinstance(scene, PinholeView) or scene.layers > 1:
+    if scene.layers > 1:
         return None
     seen = scene.dataset.isel(layer=0) if "layer" in scene.dataset.dims else scene.dataset
     covered = (seen["object"].values >= 0) | (seen["radiance"].values > 0).any(axis=0)
