@@ -12,6 +12,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 # A terminal's width must not change what tests see of the command line.
 os.environ.setdefault("COLUMNS", "100")
+# What a test finds must not be left over from another run.
+os.environ["ISETCL_PSF_CACHE"] = "off"
 
 
 @pytest.fixture(scope="session")

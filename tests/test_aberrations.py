@@ -19,7 +19,7 @@ LCA_NM = [400.0, 430.0, 458.0, 486.0, 543.0, 632.8, 656.0, 700.0, 770.0]
 
 
 def zemax_eye():
-    """Facts 2.18: retina 16.32 mm behind the lens, 4 mm stop."""
+    """The eye of a Zemax trace: retina 16.32 mm behind the lens, 4 mm stop."""
     return dataclasses.replace(ic.eyes.navarro(4.0), retina=ic.Retina.from_radius(23.92, -12.0))
 
 
@@ -130,7 +130,7 @@ def test_field_curvature_and_astigmatism_come_from_the_line_foci():
 
 
 def test_geometric_mtf_is_zemax_s_by_rays_and_by_the_wavefront():
-    # Facts 2.18, frequencies in cycles/mm on the retina.
+    # The curve of Zemax; frequencies in cycles/mm on the retina.
     eye = zemax_eye()
     rays = geometric.spot(eye)
     frequency = np.array([10.0, 20.0, 30.0, 50.0, 100.0]) * rays.mm_per_deg[0]

@@ -38,6 +38,7 @@ def test_compare_writes_its_folder_and_prints_a_table(tmp_path):
         assert (folder / f"{name}.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_compare_takes_methods_by_name_or_place_in_the_survey(tmp_path):
     chosen = ("--methods", "M7, gather,M1")
     result = run("compare", *SMALL, *chosen, "--output", "results", cwd=tmp_path)
@@ -53,6 +54,7 @@ def test_compare_suggests_methods_near_a_misspelt_one(tmp_path):
     assert "did you mean layered_sum" in result.stderr
 
 
+@pytest.mark.slow
 def test_compare_takes_photographs(tmp_path):
     from skimage.io import imsave
 
@@ -120,6 +122,7 @@ def test_info_shows_versions():
     assert f"isetcl {ic.__version__}" in result.stdout
 
 
+@pytest.mark.slow
 def test_an_eye_that_cannot_accommodate_is_compared_relaxed(tmp_path, monkeypatch, capsys):
     from isetcl import cli
 

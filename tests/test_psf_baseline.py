@@ -270,7 +270,7 @@ def test_psf_images_say_how_they_were_made():
     ("options", "match"),
     [
         ({"method": "layered_som"}, "did you mean layered_sum"),
-        ({"psf": "wave"}, "unknown psf 'wave'.*geometric"),
+        ({"psf": "waves"}, "unknown psf 'waves'.*wave"),
         ({"oversampling": 0}, "oversampling"),
         ({"fov_deg": (2.0, 1.0)}, "square pixels"),
     ],

@@ -4,12 +4,15 @@ This package never touches OpenCL or the renderer: a baseline that shared code w
 judges would prove nothing.
 """
 
+from isetcl.psf_baseline.bank import PsfBank
 from isetcl.psf_baseline.bound import ErrorBound, Verdict, error_bound
 from isetcl.psf_baseline.depth_files import load_depth, load_depth_image
 from isetcl.psf_baseline.depth_image import DepthImage, DepthSheet
 from isetcl.psf_baseline.edge_error import edge_error
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
+from isetcl.psf_baseline.psf_cache import PsfCache
+from isetcl.psf_baseline.psfs import PsfKind, psf_kinds
 from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
 from isetcl.psf_baseline.render import render
 
@@ -19,6 +22,9 @@ __all__ = [
     "ErrorBound",
     "Method",
     "Psf",
+    "PsfBank",
+    "PsfCache",
+    "PsfKind",
     "PupilOffsets",
     "Verdict",
     "edge_error",
@@ -27,6 +33,7 @@ __all__ = [
     "load_depth",
     "load_depth_image",
     "methods",
+    "psf_kinds",
     "pupil_offsets",
     "render",
 ]

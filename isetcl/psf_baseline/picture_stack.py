@@ -7,7 +7,7 @@ over its area, so that light is kept whatever the two pixel sizes are.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -86,6 +86,36 @@ class PictureStack:
         """All vergences that occur, sorted."""
         values = [sheet.vergence_dpt[sheet.alpha > 0] for sheet in self.sheets]
         return np.unique(np.concatenate(values))
+
+    def vergences_between(self, edges_dpt: np.ndarray) -> tuple[list[float], list[float]]:
+        """Mean vergence and visible area, in pixels, of what lies between edges.
+
+        What lies beyond the outer edges belongs to the outer layers.
+        """
+        count = len(edges_dpt) - 1
+        total, covered, visible = np.zeros(count), np.zeros(count), np.zeros(count)
+        light = np.ones(self.sheets[0].alpha.shape)
+        for sheet in self.sheets:
+            which = np.searchsorted(edges_dpt[1:-1], sheet.vergence_dpt).ravel()
+            for sums, weight in (
+                (total, sheet.alpha * sheet.vergence_dpt),
+                (covered, sheet.alpha),
+                (visible, sheet.alpha * light),
+            ):
+                sums += np.bincount(which, weight.ravel(), minlength=count)
+            light = light * (1.0 - sheet.alpha)
+        middle = np.maximum(0.0, (edges_dpt[:-1] + edges_dpt[1:]) / 2.0)
+        mean = np.where(covered > 0, total / np.where(covered > 0, covered, 1.0), middle)
+        return mean.tolist(), visible.tolist()
+
+    def assumptions(self, grid: RetinalGrid, reach_deg: float) -> dict[str, Any]:
+        """What is assumed beyond and behind the pictures of an image, for provenance."""
+        return {
+            "border": self.border,
+            "border_deg": reach_deg,
+            "blur_is_wider_than_image": reach_deg > min(grid.fov_deg),
+            "hidden": self.hidden if len(self.sheets) == 1 else "given",
+        }
 
     def layers_on(self, view: ViewGrid, edges_dpt: np.ndarray, complete: bool) -> list[Layer]:
         """The layers between edges on the samples of a view, far to near; see `take_layers`."""

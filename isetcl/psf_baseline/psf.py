@@ -14,6 +14,8 @@ import numpy as np
 
 from isetcl.errors import (
     InvalidInputError,
+    check_array,
+    check_between,
     check_finite,
     check_pair,
     check_positive,
@@ -34,6 +36,7 @@ _PUPIL_RAYS = 1 << 16
 _RADIAL_RAYS = 2048
 _BINS_PER_PIXEL = 8
 _CORNEA_CLEARANCE_MM = 8.0
+_SUM_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +50,40 @@ class Psf:
     pitch_deg
         Width of a sample, degrees.
     energy_outside
-        Fraction of the flux that falls beside the kernel.
+        Fraction of the flux that falls beside the kernel; blur spreads it evenly.
+
+    Raises
+    ------
+    InvalidInputError
+        If the kernel is not square and odd, holds negative or infinite values, or the light in and
+        beside it does not add up to 1.
     """
 
     kernel: np.ndarray
     pitch_deg: float
     energy_outside: float
+
+    def __post_init__(self) -> None:
+        kernel = check_array("psf: kernel", self.kernel)
+        if kernel.ndim != 2 or kernel.shape[0] != kernel.shape[1] or kernel.shape[0] % 2 == 0:
+            raise InvalidInputError(
+                f"psf: kernel must be square with an odd number of samples, got {kernel.shape}; "
+                "pad it with zeros"
+            )
+        if not np.isfinite(kernel).all() or kernel.min() < 0.0:
+            raise InvalidInputError(
+                f"psf: kernel must be finite and >= 0, since it holds shares of light, got "
+                f"{kernel.min():g} to {kernel.max():g}; clip it and divide by its sum"
+            )
+        check_positive("psf: pitch_deg", self.pitch_deg, "deg")
+        check_between("psf: energy_outside", self.energy_outside, -_SUM_TOLERANCE, 1.0)
+        total = float(kernel.sum()) + self.energy_outside
+        if abs(total - 1.0) > _SUM_TOLERANCE:
+            raise InvalidInputError(
+                f"psf: kernel and energy_outside must add up to 1, got {total:.7g}; divide the "
+                "kernel by its sum, or say what is outside"
+            )
+        object.__setattr__(self, "kernel", kernel)
 
     @property
     def radius(self) -> int:

@@ -7,25 +7,31 @@ analytic intersections on the host, and every wavelength is computed by itself.
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice, check_count, check_type
-from isetcl.eye.field import FieldMap, direction_from_field
-from isetcl.eye.field_plane import FieldPlane
+from isetcl.errors import (
+    InvalidInputError,
+    check_between,
+    check_choice,
+    check_count,
+    check_type,
+)
+from isetcl.eye.field import direction_from_field
 from isetcl.eye.model import Eye, check_eye_wavelengths
 from isetcl.eye.people.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.people.scatter import ScatterModel
-from isetcl.eye.throughput import irradiance_per_radiance
-from isetcl.memory import check_memory
-from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
+from isetcl.memory import available_bytes, check_memory
+from isetcl.psf_baseline.bank import PsfBank, check_field
 from isetcl.psf_baseline.depth_image import DepthImage
+from isetcl.psf_baseline.depths import plan_depths
 from isetcl.psf_baseline.methods import Method, methods
+from isetcl.psf_baseline.on_retina import throughput
+from isetcl.psf_baseline.patch_image import Job
+from isetcl.psf_baseline.patches import Patch, field_patches, tiles
 from isetcl.psf_baseline.picture_source import (
     Source,
     image_grid,
@@ -33,24 +39,16 @@ from isetcl.psf_baseline.picture_source import (
     picture_stack,
 )
 from isetcl.psf_baseline.picture_stack import Border, Hidden, PictureStack
-from isetcl.psf_baseline.plane import fields_seen_deg, plane_throughput
-from isetcl.psf_baseline.psf import Psf, geometric_psf
-from isetcl.psf_baseline.pupil import MAX_SAMPLES, PupilOffsets, pupil_offsets
-from isetcl.psf_baseline.slicing import closed, soft_slices
-from isetcl.psf_baseline.veil import veil
-from isetcl.psf_baseline.view import (
-    Layer,
-    Layers,
-    ViewGrid,
-    blur_step_dpt,
-    layer_edges_dpt,
-    take_layers,
-)
+from isetcl.psf_baseline.psf import Psf
+from isetcl.psf_baseline.psf_cache import PsfCache
+from isetcl.psf_baseline.psfs import PsfKind
+from isetcl.psf_baseline.pupil import MAX_SAMPLES
+from isetcl.psf_baseline.view import Layers
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.retina.pinhole_view import PinholeView
-from isetcl.scene.basis import SpectralBasis, spectral_basis
+from isetcl.scene.basis import spectral_basis
 from isetcl.scene.light import Environment
 from isetcl.scene.light_field import LightField
 from isetcl.scene.model import Scene
@@ -59,11 +57,11 @@ from isetcl.scene.view import intersect, texels_across
 from isetcl.units import MM_PER_M
 from isetcl.version import __version__
 
-PSF_KINDS = ("geometric",)
 SLICINGS = ("auto", "hard", "soft")
 
-_SHIFT_TOLERANCE = 0.05
-_MARGIN_ROUNDS = 4
+_TILE_BYTES = 0.9e9
+_LEAST_TILE = 64  # pixels
+_LARGEST_REACH_DEG = 2.0
 
 
 def render(
@@ -71,7 +69,10 @@ def render(
     eye: Eye,
     *,
     method: str = "layered_sum",
-    psf: str = "geometric",
+    psf: str | PsfKind | Psf = "geometric",
+    field: str | int = "centre",
+    psf_error: float = 0.01,
+    psf_cache: bool | PsfCache | None = True,
     layers: Layers = "auto",
     fov_deg: float | tuple[float, float] | None = None,
     resolution: int | tuple[int, int] | None = None,
@@ -88,7 +89,8 @@ def render(
 ) -> RetinalImage:
     """The retinal image of a scene approximated by PSF convolution, in absolute units.
 
-    One PSF per layer and wavelength, that of the middle of the field, serves the whole image.
+    One PSF per layer and wavelength, that of the middle of the field, serves the whole image,
+    unless `field` asks for more.
 
     Parameters
     ----------
@@ -107,7 +109,16 @@ def render(
     method
         One of `methods()`, for instance ``"layered_sum"`` or ``"pupil_clipped"``.
     psf
-        ``"geometric"``: from the eye's own rays.
+        One of `psf_kinds()`: ``"geometric"`` is from the eye's own rays, ``"wave"`` has
+        diffraction too. A `Psf` of your own, on the grid of the view's samples, serves all.
+    field
+        ``"centre"``; ``"patches"``: PSFs change across the image, made at so many nodes a side
+        that those interpolated between them err by `psf_error`; or the number of nodes a side.
+    psf_error
+        Largest error of interpolated PSFs, the L1 distance of kernels: the largest error in units
+        of the range of radiance.
+    psf_cache
+        Whether PSFs are kept on disk; see `PsfBank`.
     layers
         Depth layers: ``"auto"`` (blur changes by less than a pixel inside a layer), a number, or
         edges in dioptres.
@@ -142,7 +153,8 @@ def render(
     check_type("eye", eye, Eye)
     if isinstance(scene, Scene):
         _check_emission_only(scene)
-    check_choice("psf", psf, PSF_KINDS)
+    check_field(field)
+    check_between("psf_error", psf_error, 1e-4, 2.0)
     oversampling = check_count("oversampling", oversampling, 1, 8)
     check_choice("slicing", slicing, SLICINGS)
     if pupil_samples is not None:
@@ -163,48 +175,59 @@ def render(
         source: Scene | PictureStack = _filtered(scene, grid, oversampling)
     else:
         source = picture_stack(scene, wavelengths, border, hidden)
-    basis = _basis(source, wavelengths)
-    edges, psfs, margin = _layers_and_psfs(source, grid, layers, wavelengths, oversampling)
-    view = ViewGrid(grid, oversampling, margin)
-    _check_memory(view, len(edges) - 1, len(basis.spectra), len(wavelengths), chosen)
-    taken = take_layers(
-        source, view, basis, _open_ended(edges), complete=chosen.needs_complete_layers
+    basis = spectral_basis(source, wavelengths) if isinstance(source, Scene) else source.basis
+    bank = PsfBank(
+        eye,
+        psf,
+        grid.pitch_deg[0] / oversampling,
+        reach_deg=min(_LARGEST_REACH_DEG, max(grid.fov_deg)),
+        cache=psf_cache,
     )
-    taken = _prepared(taken, chosen, slicing)
+    depths = plan_depths(source, grid, layers, wavelengths, bank, psf_error)
+    job = Job(
+        source,
+        grid,
+        wavelengths,
+        basis,
+        depths,
+        bank,
+        chosen,
+        slicing,
+        oversampling,
+        pupil_samples,
+        scatter,
+        psf_error,
+    )
+    patches = _patches(job, field)
+    if len(patches) > 1 and chosen.name == "single":
+        # Every patch on its own would choose the PSF of what it shows most of.
+        job = dataclasses.replace(job, one_layer=int(np.argmax(depths.areas)))
     irradiance = np.zeros((len(wavelengths), *grid.shape), dtype=np.float32)
-    spread = None
-    if scatter is not None and isinstance(source, Scene):
-        spread = veil(source, view, basis, scatter)
-    if taken or spread is not None:
-        spectra = LayerSpectra(taken) if taken else None
-        for i, wavelength in enumerate(wavelengths):
-            channels = np.zeros((len(basis.spectra), *view.shape), dtype=np.float32)
-            if spectra is not None:
-                pupil = _pupil(grid, float(wavelength), taken, chosen, pupil_samples)
-                blur = SpectralBlur(spectra, [_nearest(psfs[i], layer) for layer in taken], pupil)
-                channels = chosen.combine(blur, len(taken))
-            if scatter is not None and spread is not None:
-                channels = (1.0 - scatter.fraction) * channels + spread
-            radiance = np.tensordot(basis.spectra[:, i].astype(np.float32), channels, axes=1)
-            on_retina = _onto_retina(radiance, view, float(wavelength))
-            irradiance[i] = on_retina * _throughput(grid, float(wavelength)) * transmittance[i]
+    verges: set[float] = set()
+    for n, patch in enumerate(patches):
+        for i, (seen, image) in enumerate(job.images(patch)):
+            irradiance[i, patch.rows, patch.columns] += patch.weight * image
+            verges.update(seen)
             if progress is not None:
-                progress((i + 1) / len(wavelengths))
+                progress((n + (i + 1) / len(wavelengths)) / len(patches))
+    for i, wavelength in enumerate(wavelengths):
+        irradiance[i] *= throughput(grid, float(wavelength)) * transmittance[i]
     details = {
         "method": method,
-        "psf": psf,
+        "psf": bank.describe()["kind"],
+        "psfs": bank.describe(),
+        "field": field,
+        "patches": len(patches),
         "version": __version__,
         "scene": source.name,
         "scene_digest": source.digest(),
-        **_assumed(source, view),
-        "layers_dpt": [layer.vergence_dpt for layer in taken],
+        **({} if isinstance(source, Scene) else source.assumptions(grid, job.reach_deg())),
+        "layers_dpt": sorted(verges),
         "oversampling": oversampling,
         "slicing": chosen.slicing if slicing == "auto" else slicing,
         "media": None if media is None else media.describe(),
         "scatter": None if scatter is None else scatter.describe(),
-        "psf_energy_outside": max(
-            (p.energy_outside for row in psfs for p in row.values()), default=0.0
-        ),
+        "psf_energy_outside": bank.describe()["energy_outside"],
         "elapsed_s": time.perf_counter() - start,
     }
     return RetinalImage.from_arrays(
@@ -215,54 +238,6 @@ def render(
             vergence_map(source, grid) if isinstance(source, Scene) else source.vergence_map(grid)
         ),
         provenance=details,
-    )
-
-
-def _basis(source: Scene | PictureStack, wavelengths_nm: np.ndarray) -> SpectralBasis:
-    if isinstance(source, Scene):
-        return spectral_basis(source, wavelengths_nm)
-    return source.basis
-
-
-def _assumed(source: Scene | PictureStack, view: ViewGrid) -> dict[str, Any]:
-    """What was assumed beyond and behind pictures, for provenance."""
-    if isinstance(source, Scene):
-        return {}
-    across = min(view.shape) - 2 * view.margin
-    return {
-        "border": source.border,
-        "border_samples": view.margin,
-        "blur_is_wider_than_image": view.margin > across,
-        "hidden": source.hidden if len(source.sheets) == 1 else "given",
-    }
-
-
-def _prepared(layers: list[Layer], method: Method, slicing: str) -> list[Layer]:
-    """The layers as a method wants them: sliced, and without gaps if they are visible ones."""
-    if (method.slicing if slicing == "auto" else slicing) == "soft":
-        layers = soft_slices(layers, complete=method.needs_complete_layers)
-    if layers and not method.needs_complete_layers:
-        layers = closed(layers)
-    return layers
-
-
-def _pupil(
-    grid: RetinalGrid,
-    wavelength_nm: float,
-    layers: list[Layer],
-    method: Method,
-    samples: int | None,
-) -> PupilOffsets | None:
-    """Rays through the pupil for methods that follow them."""
-    if method.pupil_samples == 0:
-        return None
-    return pupil_offsets(
-        grid.eye,
-        wavelength_nm,
-        [layer.vergence_dpt for layer in layers],
-        method.pupil_samples if samples is None else samples,
-        rays_per_sample=method.rays_per_sample,
-        field_deg=grid.centre_deg,
     )
 
 
@@ -314,56 +289,38 @@ def _filtered(scene: Scene, grid: RetinalGrid, oversampling: int) -> Scene:
     return dataclasses.replace(scene, objects=tuple(objects))
 
 
-def _layers_and_psfs(
-    scene: Scene | PictureStack,
-    grid: RetinalGrid,
-    layers: Layers,
-    wavelengths_nm: np.ndarray,
-    oversampling: int,
-) -> tuple[np.ndarray, list[dict[float, Psf]], int]:
-    """Edges of layers, PSFs by wavelength and vergence, and the margin the view needs.
-
-    Blur brings light from beyond the borders into the image, so that the margin depends on the
-    PSFs, those on the layers, and the layers on what lies in the margin.
-    """
-    psfs: list[dict[float, Psf]] = [{} for _ in wavelengths_nm]
-    pitch = grid.pitch_deg[0] / oversampling
-    reach = 0.0
-    for _ in range(_MARGIN_ROUNDS):
-        edges = layer_edges_dpt(scene, grid, layers, blur_step_dpt(grid), reach)
-        verges = _layer_vergences(scene, grid, edges)
-        for known, wavelength in zip(psfs, wavelengths_nm, strict=True):
-            for v in verges:
-                if v not in known:
-                    known[v] = geometric_psf(grid.eye, float(wavelength), v, pitch, grid.centre_deg)
-        used = [{v: known[v] for v in verges} for known in psfs]
-        margin = _margin(grid, wavelengths_nm, used, oversampling)
-        if margin * pitch <= reach:
-            break
-        reach = margin * pitch
-    return edges, used, margin
+def _patches(job: Job, field: str | int) -> list[Patch]:
+    """The parts in which an image is made; raise OutOfMemoryError where they do not fit."""
+    grid = job.grid
+    if field == "centre":
+        count = _tiles_needed(job)
+        parts = tiles(grid, count)
+    else:
+        if field == "patches":
+            middle = job.wavelengths_nm[len(job.wavelengths_nm) // 2]
+            field = job.bank.patches_needed(
+                float(middle),
+                job.depths.vergences_dpt,
+                grid.centre_deg,
+                grid.fov_deg,
+                job.depth_bound,
+            )
+        parts = field_patches(grid, int(field))
+    largest = max(parts, key=lambda patch: patch.weight.size)
+    _check_memory(job, largest)
+    return parts
 
 
-def _open_ended(edges_dpt: np.ndarray) -> np.ndarray:
-    """Edges whose outer layers hold everything beyond them."""
-    edges = edges_dpt.copy()
-    edges[0], edges[-1] = -np.inf, np.inf
-    return edges
-
-
-def _layer_vergences(
-    scene: Scene | PictureStack, grid: RetinalGrid, edges_dpt: np.ndarray
-) -> list[float]:
-    """A vergence for every layer: its mean in a coarse view, or its middle if nothing is seen."""
-    coarse = RetinalGrid.of(grid.eye, grid.fov_deg, (33, 33), grid.centre_deg)
-    basis = _basis(scene, np.array([grid.wavelength_nm]))
-    verges = []
-    for low, high in itertools.pairwise(edges_dpt):
-        view = ViewGrid(coarse, 1, 0)
-        between = np.array([low if low > 0 else -np.inf, high])
-        layers = take_layers(scene, view, basis, between, complete=True, refinement=1)
-        verges.append(layers[0].vergence_dpt if layers else max(0.0, (low + high) / 2.0))
-    return verges
+def _tiles_needed(job: Job) -> int:
+    """Tiles across each side of an image that keep the memory of each in bounds."""
+    allowed = min(_TILE_BYTES, available_bytes() / 2.0)
+    count = 1
+    while True:
+        patch = tiles(job.grid, count)[0]
+        view = job.view(patch, job.psfs(patch))
+        if job.needed_bytes(patch, view) <= allowed or max(patch.weight.shape) <= _LEAST_TILE:
+            return count
+        count += 1
 
 
 def _check_square(grid: RetinalGrid) -> None:
@@ -375,126 +332,17 @@ def _check_square(grid: RetinalGrid) -> None:
         )
 
 
-def _check_memory(
-    view: ViewGrid, n_layers: int, n_basis: int, n_wavelengths: int, method: Method
-) -> None:
-    """Raise OutOfMemoryError, naming a resolution that fits, before anything large is allocated.
-
-    A sample of the view takes a float for every layer and channel, twice that for their transforms,
-    and working space for one wavelength.
-    """
-    rows, columns = view.shape
-    per_sample = 4 * n_layers * (n_basis + 2) + 8 * n_layers * (n_basis + 1) + 32 * (n_basis + 2)
-    if method.slicing == "soft" or method.pupil_samples > 0:
-        # Sliced copies of the layers, and sums over the pupil in double precision.
-        per_sample += n_layers * 12 * (n_basis + 1)
-    pixels = view.grid.shape[0] * view.grid.shape[1]
-    needed = rows * columns * per_sample + pixels * n_wavelengths * 16
+def _check_memory(job: Job, patch: Patch) -> None:
+    """Raise OutOfMemoryError, naming a resolution that fits, before anything large is allocated."""
+    view = job.view(patch, job.psfs(patch))
+    rows, columns = job.grid.shape
+    needed = job.needed_bytes(patch, view) + rows * columns * len(job.wavelengths_nm) * 16
     check_memory(
-        f"a view of {columns} x {rows} samples in {n_layers} layers",
+        f"a view of {view.shape[1]} x {view.shape[0]} samples in "
+        f"{len(job.depths.vergences_dpt)} layers",
         needed,
         lambda share: (
-            f"about {int(view.grid.shape[1] * share)} x {int(view.grid.shape[0] * share)} pixels "
-            "would fit, or use fewer layers"
+            f"about {int(columns * share)} x {int(rows * share)} pixels would fit, or use fewer "
+            "layers"
         ),
     )
-
-
-def _nearest(psfs: dict[float, Psf], layer: Layer) -> Psf:
-    """The PSF computed for a layer: that of the nearest vergence."""
-    return psfs[min(psfs, key=lambda v: abs(v - layer.vergence_dpt))]
-
-
-def _margin(
-    grid: RetinalGrid,
-    wavelengths_nm: np.ndarray,
-    psfs: list[dict[float, Psf]],
-    oversampling: int,
-) -> int:
-    """Samples a view must reach beyond the image: the largest PSF and the lateral colour shift."""
-    radius = max(psf.radius for row in psfs for psf in row.values())
-    shift = 0.0
-    for wavelength in (wavelengths_nm[0], wavelengths_nm[-1]):
-        shift = max(shift, _shift_deg(grid, float(wavelength)))
-    return radius + int(np.ceil(shift / min(grid.pitch_deg) * oversampling)) + 2
-
-
-def _shift_deg(grid: RetinalGrid, wavelength_nm: float) -> float:
-    """How far from its label a retinal point of the image looks at a wavelength, at the worst."""
-    labels, own = grid.field_map, grid.eye.field_map(wavelength_nm)
-    if isinstance(labels, FieldPlane) and isinstance(own, FieldPlane):
-        at = grid.rectangle.lattice(5)
-        return float(np.max(np.linalg.norm(fields_seen_deg(labels, own, at) - at, axis=1)))
-    assert isinstance(labels, FieldMap)
-    assert isinstance(own, FieldMap)
-    arc = float(labels.arc_mm(grid.limit_deg))
-    return abs(float(own.field_deg(_within(arc, own))) - grid.limit_deg)
-
-
-def _within(arc_mm: np.ndarray | float, field_map: FieldMap) -> np.ndarray:
-    return np.minimum(arc_mm, float(field_map.arc_mm(field_map.max_field_deg)))
-
-
-def _onto_retina(radiance: np.ndarray, view: ViewGrid, wavelength_nm: float) -> np.ndarray:
-    """Blurred radiance at the retinal pixels: moved by lateral colour, averaged over samples.
-
-    A retinal point receives another direction at each wavelength. The blurred view is looked up
-    there, linearly between samples, and averaged over the samples of a pixel.
-    """
-    from scipy.ndimage import map_coordinates
-
-    grid, n = view.grid, view.oversampling
-    rows, columns = grid.shape
-    inner = slice(view.margin, -view.margin) if view.margin else slice(None)
-    x, y = view.x_deg()[inner], view.y_deg()[inner]
-    seen_x, seen_y, largest = _seen(grid, wavelength_nm, x, y)
-    if largest > _SHIFT_TOLERANCE * view.pitch_deg[0]:
-        column = (seen_x - view.x_deg()[0]) / view.pitch_deg[0]
-        row = (view.y_deg()[0] - seen_y) / view.pitch_deg[1]
-        samples = map_coordinates(radiance, [row, column], order=1, mode="nearest")
-    else:
-        samples = radiance[inner, inner]
-    return samples.reshape(rows, n, columns, n).mean(axis=(1, 3))
-
-
-def _seen(
-    grid: RetinalGrid, wavelength_nm: float, x_deg: np.ndarray, y_deg: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Directions (x, y) that retinal points see at a wavelength, and their largest shift, degrees.
-
-    The points have the labels of a grid of columns `x_deg` and rows `y_deg`.
-    """
-    labels, own = grid.field_map, grid.eye.field_map(wavelength_nm)
-    if isinstance(labels, FieldPlane) and isinstance(own, FieldPlane):
-        x, y = np.meshgrid(x_deg, y_deg)
-        at = np.stack([x.ravel(), y.ravel()], axis=1)
-        both = fields_seen_deg(labels, own, at)
-        shift = float(np.max(np.linalg.norm(both - at, axis=1)))
-        return both[:, 0].reshape(x.shape), both[:, 1].reshape(x.shape), shift
-    assert isinstance(labels, FieldMap)
-    assert isinstance(own, FieldMap)
-    field = np.linspace(0.0, grid.limit_deg, 65)
-    seen = own.field_deg(_within(labels.arc_mm(field), own))
-    ratio = np.ones_like(field)
-    ratio[1:] = seen[1:] / field[1:]
-    ratio[0] = ratio[1]
-    scale = np.interp(np.hypot(x_deg[None, :], y_deg[:, None]), field, ratio)
-    shift = float(np.max(np.abs(seen - field)))
-    return x_deg[None, :] * scale, y_deg[:, None] * scale, shift
-
-
-def _throughput(grid: RetinalGrid, wavelength_nm: float) -> np.ndarray:
-    """Irradiance per unit radiance at every pixel, sr, (rows, columns)."""
-    from scipy.interpolate import CubicSpline
-
-    labels = grid.field_map
-    if isinstance(labels, FieldPlane):
-        return plane_throughput(grid, wavelength_nm)
-    # A node every two degrees: far out the pupil closes quickly.
-    nodes = np.linspace(0.0, grid.limit_deg, max(9, math.ceil(grid.limit_deg / 2.0) + 1))
-    values = irradiance_per_radiance(grid.eye, wavelength_nm, labels, nodes)
-    even = CubicSpline(
-        np.concatenate([-nodes[:0:-1], nodes]), np.concatenate([values[:0:-1], values])
-    )
-    x, y = np.meshgrid(grid.x_deg, grid.y_deg)
-    return np.asarray(even(np.hypot(x, y)))

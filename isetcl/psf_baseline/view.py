@@ -33,6 +33,9 @@ class LayerSource(Protocol):
     def vergences_dpt(self) -> np.ndarray:
         """All vergences that occur, sorted."""
 
+    def vergences_between(self, edges_dpt: np.ndarray) -> tuple[list[float], list[float]]:
+        """Mean vergence and visible area, in pixels, of what lies between edges."""
+
     def layers_on(self, view: ViewGrid, edges_dpt: np.ndarray, complete: bool) -> list[Layer]:
         """The layers between edges on the samples of a view; see `take_layers`."""
 
