@@ -132,6 +132,7 @@ def test_a_folder_that_cannot_be_written_does_no_harm(tmp_path):
     assert psf.kernel.sum() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_depths_are_interpolated_only_within_the_bound():
     verges = np.linspace(1.0, 1.3, 33)
     exact = [bank(kind="wave").psf(550.0, v) for v in verges[::4]]
@@ -197,6 +198,7 @@ def textured(width_deg=40.0):
     return ic.scenes.image_plane(picture, 0.8, width_deg)
 
 
+@pytest.mark.slow
 def test_ten_degrees_off_axis_patches_agree_with_ray_tracing_to_one_percent():
     where = {"fov_deg": 6.0, "resolution": 64, "centre_deg": (10.0, 0.0)}
     where["wavelengths_nm"] = [450.0, 550.0]
@@ -214,6 +216,7 @@ def test_ten_degrees_off_axis_patches_agree_with_ray_tracing_to_one_percent():
     assert worst["centre"] > 2.0 * worst[3]
 
 
+@pytest.mark.slow
 def test_the_number_of_patches_follows_from_the_bound():
     where = ((10.0, 0.0), (4.0, 4.0))
     # At half a dioptre out of focus a blur disc changes slowly.

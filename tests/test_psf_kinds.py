@@ -187,6 +187,7 @@ def test_chromatic_defocus_is_sharp_in_the_blue_for_what_is_nearer():
     assert sharp > 5.0 * kind(eye, 450.0, 0.0, 0.005).kernel.max()
 
 
+@pytest.mark.slow
 def test_kinds_that_know_no_colour_or_depth_are_the_same_everywhere():
     for name, kind in KINDS.items():
         options = {"reach_deg": 0.3}
