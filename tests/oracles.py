@@ -11,7 +11,7 @@ import numpy as np
 
 mp.mp.dps = 50
 
-# Facts on peers, mpmath 40 digits: collimated rays at 550 nm through Navarro's eye with indices
+# mpmath, 40 digits: collimated rays at 550 nm through Navarro's eye with indices
 # 1.376, 1.3374, 1.42, 1.336: height, y and z on the retina.
 PEERS_RAYS = (
     (0.001, 3.7839421307428795e-6, 23.920299999999403),

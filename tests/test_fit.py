@@ -78,6 +78,7 @@ def test_an_eye_is_recovered_from_wavefronts_sampled_another_way():
     assert found.values == pytest.approx(list(TRUTH.values()), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_tilts_and_toric_corneas_are_recovered():
     # A lens that is tilted and shifted, a cornea steeper in one section, a pupil off the axis.
     cornea, back = START.surfaces[0], START.surfaces[3]

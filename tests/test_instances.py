@@ -148,6 +148,7 @@ def test_memory_grows_by_instances_not_by_triangles():
     assert (sizes[1] - sizes[0]) / 792 < 8 * triangle
 
 
+@pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.slow)])
 def test_a_room_of_one_instance_has_no_leaks(precision):
     """Black inside, light outside: not one path gets out through an edge or a corner."""
     room = ic.Mesh(*_moved(ball_mesh(3), np.eye(4)))
@@ -204,6 +205,7 @@ def test_surfaces_do_not_shadow_themselves_however_large_they_are(size, kind):
     np.testing.assert_allclose(found, 0.5 / np.pi, rtol=tolerance)
 
 
+@pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.slow)])
 def test_pixels_look_at_what_rays_meet_on_the_host(precision):
     """Dark instances among bodies of different light, by chief rays."""
     mesh = ball_mesh(1)

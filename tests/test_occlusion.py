@@ -1,5 +1,6 @@
 """The occlusion error: strips, noise, regions, and the comparison built on it."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -153,6 +154,31 @@ def test_all_methods_are_every_method_once():
     assert module._method_names(["M8", "layered_over", "M3"]) == ["layered_over", "layered_sum"]
     with pytest.raises(ic.InvalidInputError, match="methods"):
         module._method_names("M8")
+
+
+def test_figures_have_room_for_all_methods(comparison):
+    from isetcl import plots
+
+    (one, error), names = (
+        (comparison.images["layered_sum"], comparison.errors["layered_sum"]),
+        list(ic.psf_baseline.methods()),
+    )
+    traced = [t for t in comparison.trials if t.spp is not None]
+    tried = next(t for t in comparison.trials if t.spp is None)
+    trials = [*traced, *(dataclasses.replace(tried, method=name) for name in names)]
+    many = dataclasses.replace(
+        comparison, images=dict.fromkeys(names, one), errors=dict.fromkeys(names, error)
+    )
+    labels = [plots.method_label(name) for name in names]
+    panels = [ax for ax in plots.edge_profiles(many, 45.0).axes if ax.get_visible()]
+    assert [ax.get_title() for ax in panels] == labels
+    images = [ax for ax in plots.retinal_images(many).axes if ax.get_visible()]
+    assert [ax.get_title() for ax in images] == ["ray tracing", *labels]
+    (legend,) = plots.error_against_time(trials).legends
+    assert [text.get_text() for text in legend.get_texts()][1:] == labels
+    # No two methods look alike.
+    assert len({plots.method_style(name) for name in names}) == len(names)
+    assert plots.method_label("layered_sum") == "layered sum (M3)"
 
 
 def test_the_error_of_a_trial_is_measured_and_agrees_with_what_it_reports(comparison):

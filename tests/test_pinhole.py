@@ -34,6 +34,7 @@ def scene():
     )
 
 
+@pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.slow)])
 def test_layers_are_the_surfaces_along_each_ray(precision):
     view = ic.pinhole(scene(), EYE, layers="all", spp=64, precision=precision, **WHERE)
     # Card and wall have two sides each but no thickness; the ball is entered and left.

@@ -49,7 +49,7 @@ def test_the_commands_that_render_are_understood():
         render.make_context("render", shlex.split(line)[2:]).params for line in block.splitlines()
     ]
     assert [p["scene"] for p in parsed] == ["letters_at_depth", "chess_set", "kitchen.glb"]
-    assert [p["fov"] for p in parsed] == [None, 24.0, None]
+    assert [p["fov"] for p in parsed] == [None, 29.0, None]
 
 
 def test_the_commands_about_eyes_are_understood():

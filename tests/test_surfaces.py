@@ -21,6 +21,7 @@ from isetcl.eye.shapes.even_asphere import EvenAsphere
 from isetcl.eye.shapes.height_map import HeightMap
 from isetcl.eye.shapes.toric import Toric
 from isetcl.eye.shapes.zernike_sag import ZernikeSag
+from isetcl.eye.waves.zernike import osa_nm
 
 FORMS = (
     *("has_placements", "has_placed_stop", "has_quadrics", "has_biconics", "has_torics"),
@@ -257,7 +258,7 @@ def test_a_mirrored_surface_mirrors_rays_bit_for_bit(device, precision, name):
     opposite = Placement((-0.3, -0.2), (5.0, 4.0), -30.0)
     first, second = SHAPES[name], SHAPES[name]
     if name == "zernike":
-        odd = [ic.eye.zernike.osa_nm(j)[1] for j in range(28)]
+        odd = [osa_nm(j)[1] for j in range(28)]
         # x -> -x: phi -> pi - phi changes the sign of cos m phi for odd m, of sin m phi for even.
         signs = [(-1.0) ** m if m >= 0 else -((-1.0) ** m) for m in odd]
         mirrored = tuple(s * c for s, c in zip(signs, ZERNIKES, strict=True))
@@ -562,7 +563,7 @@ def batoid_hits(surface_of, element, rays):
 
 NOLL = tuple(
     # OSA index of Noll's j: n from the row, m by sign and size (Noll 1976, table I).
-    next(i for i in range(66) if ic.eye.zernike.osa_nm(i) == nm)
+    next(i for i in range(66) if osa_nm(i) == nm)
     for nm in ((0, 0), (1, 1), (1, -1), (2, 0), (2, -2), (2, 2), (3, -1), (3, 1), (3, -3), (3, 3))
 )
 

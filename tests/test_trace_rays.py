@@ -411,3 +411,33 @@ def test_directions_that_share_a_z_are_not_shared():
     assert m[0, 0] > 0.5
     assert m[0, 0] == pytest.approx(-m[1, 0], abs=1e-12)
     assert m[2, 1] == pytest.approx(m[0, 0], abs=1e-12)
+
+
+@pytest.mark.parametrize("curvature", [0.0, 0.125, -0.2])
+def test_a_ray_along_the_vertex_plane_touches_the_vertex(device, precision, curvature):
+    """It lies in the tangent plane: the surface is met at the vertex itself, at a right angle."""
+    rays = run(
+        device,
+        precision,
+        (single_surface(curvature, 0.0),),
+        np.array([[-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]),
+        np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    )
+    assert rays.status.tolist() == [RayStatus.OK] * 2
+    if curvature != 0.0:
+        assert rays.positions_mm == pytest.approx(np.zeros((2, 3)), abs=1e-12)
+    # Grazing light enters at the critical angle.
+    sine = np.linalg.norm(rays.directions[:, :2], axis=1)
+    assert sine == pytest.approx([1.0 / 1.4] * 2, rel=1e-6)
+
+
+@pytest.mark.parametrize("step", [1e-6, -1e-6])
+def test_an_index_step_of_a_millionth_bends_by_the_law_of_sines(device, precision, step):
+    n, after = 1.336, 1.336 + step
+    angle = np.radians([10.0, 45.0, 80.0])
+    along = np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
+    start = np.tile([0.0, 0.0, -1.0], (3, 1))
+    rays = run(device, precision, (single_surface(0.0, 0.0, n=(n, after)),), start, along)
+    found = np.arctan2(rays.directions[:, 0], rays.directions[:, 2])
+    expected = np.arcsin(n * np.sin(angle) / after)
+    assert found == pytest.approx(expected, abs={"single": 3e-7, "double": 1e-14}[precision])

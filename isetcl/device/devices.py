@@ -6,6 +6,8 @@ import functools
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from isetcl.device import caches, pocl
 from isetcl.device.layout import Precision
 from isetcl.errors import DeviceError, check_choice
@@ -126,6 +128,19 @@ class Device:
                 f"device {self.name!r} has no float64 (cl_khr_fp64), asked for precision "
                 "'double'; use precision='single' or another device"
             )
+
+    def upload(self, array: np.ndarray) -> pyopencl.Buffer:
+        """A copy of an array in the memory of the device, for kernels to read."""
+        import pyopencl as cl
+
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+
+    def allocate(self, count: int, dtype: np.dtype) -> pyopencl.Buffer:
+        """Memory of the device for a number of values, without contents."""
+        import pyopencl as cl
+
+        return cl.Buffer(self.context, cl.mem_flags.READ_WRITE, count * dtype.itemsize)
 
     def describe(self) -> dict[str, str]:
         """Names and versions, for provenance and benchmark records."""

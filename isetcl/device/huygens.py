@@ -99,20 +99,17 @@ class HuygensSum:
         """Copy samples and points to the device; the last point fills the last lanes."""
         import pyopencl as cl
 
-        context = self._device.context
         count = waves.points.shape[1]
         step = self._width * (1 if self._device.is_cpu else self._device.work_group_size)
         self._padded = -(-count // step) * step
         points = np.pad(waves.points, ((0, 0), (0, self._padded - count)), mode="edge")
         n_samples = len(waves.samples)
         self._result = np.empty((_PARTS, 2, self._padded), dtype=self._real)
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
 
         def copied(values: np.ndarray) -> cl.Buffer:
-            array = np.ascontiguousarray(values, dtype=self._real)
-            return cl.Buffer(context, flags, hostbuf=array)
+            return self._device.upload(np.asarray(values, dtype=self._real))
 
-        self._output = cl.Buffer(context, cl.mem_flags.WRITE_ONLY, self._result.nbytes)
+        self._output = self._device.allocate(self._result.size, self._real)
         self._arguments = (
             copied(waves.samples),
             np.int32(n_samples),

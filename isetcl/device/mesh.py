@@ -152,13 +152,11 @@ class MeshTree:
     """
 
     def __init__(self, device: Device, triangles: np.ndarray, precision: Precision) -> None:
-        import pyopencl as cl
 
         device.check_precision(precision)
         nodes, blocks, depth = build_tree(triangles, precision)
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        self.nodes = cl.Buffer(device.context, flags, hostbuf=nodes)
-        self.blocks = cl.Buffer(device.context, flags, hostbuf=blocks)
+        self.nodes = device.upload(nodes)
+        self.blocks = device.upload(blocks)
         self.stack_size = stack_size(depth)
 
 
@@ -199,17 +197,13 @@ class DeviceMesh:
         self, origins: np.ndarray, directions: np.ndarray, least: object, most: object
     ) -> tuple[int, pyopencl.Buffer, pyopencl.Buffer, pyopencl.Buffer]:
         """Copy rays (n, 3) and their ranges to the device."""
-        import pyopencl as cl
 
         n = len(origins)
         ranges = np.empty((2, n), dtype=self._real)
         ranges[0], ranges[1] = least, most
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
 
         def planes(rows: np.ndarray) -> pyopencl.Buffer:
-            return cl.Buffer(
-                self._device.context, flags, hostbuf=np.ascontiguousarray(rows.T, dtype=self._real)
-            )
+            return self._device.upload(np.asarray(rows.T, dtype=self._real))
 
         return n, planes(origins), planes(directions), planes(ranges.T)
 
@@ -229,10 +223,7 @@ class DeviceMesh:
             np.empty(n, np.int32),
             np.empty((2, n), self._real),
         )
-        buffers = [
-            cl.Buffer(self._device.context, cl.mem_flags.WRITE_ONLY, array.nbytes)
-            for array in results
-        ]
+        buffers = [self._device.allocate(array.size, array.dtype) for array in results]
         self.enqueue(self._trace, n, (*rays, self.nodes, self.blocks, *buffers))
         for array, buffer in zip(results, buffers, strict=True):
             cl.enqueue_copy(self._device.queue, array, buffer)
@@ -250,7 +241,7 @@ class DeviceMesh:
 
         n, *rays = self.upload(origins, directions, least, most)
         result = np.empty(n, np.int32)
-        buffer = cl.Buffer(self._device.context, cl.mem_flags.WRITE_ONLY, result.nbytes)
+        buffer = self._device.allocate(result.size, result.dtype)
         self.enqueue(self._occlude, n, (*rays, self.nodes, self.blocks, buffer))
         cl.enqueue_copy(self._device.queue, result, buffer)
         return result != 0

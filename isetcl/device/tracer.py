@@ -100,13 +100,11 @@ class RayTracer:
 
     def _planes(self, rows: np.ndarray, padded: int) -> pyopencl.Buffer:
         """Rows (n, 3) as three planes on the device; the last row fills the rest."""
-        import pyopencl as cl
 
         array = np.empty((3, padded), dtype=real_dtype(self._precision))
         array[:, : len(rows)] = rows.T
         array[:, len(rows) :] = array[:, len(rows) - 1 : len(rows)]
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._device.context, flags, hostbuf=array)
+        return self._device.upload(array)
 
     def prepare(self, rays: DeviceRays, sequence: tuple[Element, ...], towards: Towards) -> Trace:
         """Allocate the results of a trace of `rays` through elements in travel order."""
@@ -123,22 +121,19 @@ class Trace:
         sequence: tuple[Element, ...],
         towards: Towards,
     ) -> None:
-        import pyopencl as cl
 
         self._tracer = tracer
         self._rays = rays
         self._names = tuple(e.name for e in sequence)
-        context = tracer._device.context
+        device = tracer._device
         real = real_dtype(tracer._precision)
-        flags = cl.mem_flags.WRITE_ONLY
 
         def results(planes: int, dtype: np.dtype = real) -> pyopencl.Buffer:
-            return cl.Buffer(context, flags, max(1, planes * rays.padded) * dtype.itemsize)
+            return device.allocate(max(1, planes * rays.padded), dtype)
 
         packed = pack_eye([sequence], towards, tracer._precision)
-        constants = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        self._elements = cl.Buffer(context, constants, hostbuf=packed.elements)
-        self._table = cl.Buffer(context, constants, hostbuf=packed.table)
+        self._elements = device.upload(packed.elements)
+        self._table = device.upload(packed.table)
         self._position = results(3)
         self._leaving = results(3 if tracer._record_directions else 0)
         self._outcome = results(1, np.dtype(np.int32))

@@ -5,6 +5,10 @@ judges would prove nothing.
 """
 
 from isetcl.psf_baseline.bank import PsfBank
+from isetcl.psf_baseline.bound import ErrorBound, Verdict, error_bound
+from isetcl.psf_baseline.depth_files import load_depth, load_depth_image
+from isetcl.psf_baseline.depth_image import DepthImage, DepthSheet
+from isetcl.psf_baseline.edge_error import edge_error
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
 from isetcl.psf_baseline.psf_cache import PsfCache
@@ -13,13 +17,21 @@ from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
 from isetcl.psf_baseline.render import render
 
 __all__ = [
+    "DepthImage",
+    "DepthSheet",
+    "ErrorBound",
     "Method",
     "Psf",
     "PsfBank",
     "PsfCache",
     "PsfKind",
     "PupilOffsets",
+    "Verdict",
+    "edge_error",
+    "error_bound",
     "geometric_psf",
+    "load_depth",
+    "load_depth_image",
     "methods",
     "psf_kinds",
     "pupil_offsets",

@@ -14,6 +14,7 @@ from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.view import (
     Layer,
     Layers,
+    LayerSource,
     ViewGrid,
     blur_step_dpt,
     layer_edges_dpt,
@@ -58,7 +59,7 @@ class Depths:
 
 
 def plan_depths(
-    scene: Scene,
+    scene: Scene | LayerSource,
     grid: RetinalGrid,
     layers: Layers,
     wavelengths_nm: np.ndarray,
@@ -73,7 +74,11 @@ def plan_depths(
     reach = 0.0
     for _ in range(_MARGIN_ROUNDS):
         edges = layer_edges_dpt(scene, grid, layers, blur_step_dpt(grid), reach)
-        verges, areas = _vergences(scene, grid, edges)
+        verges, areas = (
+            _vergences(scene, grid, edges)
+            if isinstance(scene, Scene)
+            else scene.vergences_between(edges)
+        )
         psfs = [bank.over_depth(w, verges, grid.centre_deg, bound=bound) for w in wavelengths_nm]
         needed = margin(grid, wavelengths_nm, psfs) * bank.pitch_deg
         if needed <= reach:

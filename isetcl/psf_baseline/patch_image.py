@@ -17,6 +17,7 @@ from isetcl.psf_baseline.depths import Depths, margin
 from isetcl.psf_baseline.methods import Method
 from isetcl.psf_baseline.on_retina import onto_retina
 from isetcl.psf_baseline.patches import Patch
+from isetcl.psf_baseline.picture_stack import PictureStack
 from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
 from isetcl.psf_baseline.slicing import closed, soft_slices
@@ -31,7 +32,7 @@ from isetcl.scene.model import Scene
 class Job:
     """What all patches of an image share; see `render`."""
 
-    scene: Scene
+    scene: Scene | PictureStack
     grid: RetinalGrid
     wavelengths_nm: np.ndarray
     basis: SpectralBasis
@@ -62,6 +63,16 @@ class Job:
         grid = patch.grid(self.grid)
         return ViewGrid(grid, self.oversampling, margin(grid, self.wavelengths_nm, psfs))
 
+    def reach_deg(self) -> float:
+        """How far beyond the image its view reaches, for PSFs of its middle."""
+        psfs = [
+            self.bank.over_depth(
+                float(w), self.depths.vergences_dpt, self.grid.centre_deg, bound=self.depth_bound
+            )
+            for w in self.wavelengths_nm
+        ]
+        return margin(self.grid, self.wavelengths_nm, psfs) * self.bank.pitch_deg
+
     def layers(self, view: ViewGrid) -> tuple[list[Layer], list[int]]:
         """The layers of a view as the method wants them, and their numbers."""
         complete = self.method.needs_complete_layers
@@ -88,7 +99,9 @@ class Job:
         view = self.view(patch, psfs)
         taken, numbers = self.layers(view)
         verges = [layer.vergence_dpt for layer in taken]
-        spread = None if self.scatter is None else veil(self.scene, view, self.basis, self.scatter)
+        spread = None
+        if self.scatter is not None and isinstance(self.scene, Scene):
+            spread = veil(self.scene, view, self.basis, self.scatter)
         same = all(row[k] is psfs[0][k] for row in psfs for k in range(len(row)))
         spectra = LayerSpectra(taken, keep_transfers=same) if taken else None
 

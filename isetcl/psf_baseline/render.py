@@ -26,11 +26,19 @@ from isetcl.eye.people.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.people.scatter import ScatterModel
 from isetcl.memory import available_bytes, check_memory
 from isetcl.psf_baseline.bank import PsfBank, check_field
+from isetcl.psf_baseline.depth_image import DepthImage
 from isetcl.psf_baseline.depths import plan_depths
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.on_retina import throughput
 from isetcl.psf_baseline.patch_image import Job
 from isetcl.psf_baseline.patches import Patch, field_patches, tiles
+from isetcl.psf_baseline.picture_source import (
+    Source,
+    image_grid,
+    image_wavelengths,
+    picture_stack,
+)
+from isetcl.psf_baseline.picture_stack import Border, Hidden, PictureStack
 from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.psf_cache import PsfCache
 from isetcl.psf_baseline.psfs import PsfKind
@@ -39,13 +47,13 @@ from isetcl.psf_baseline.view import Layers
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
+from isetcl.retina.pinhole_view import PinholeView
 from isetcl.scene.basis import spectral_basis
 from isetcl.scene.light import Environment
 from isetcl.scene.light_field import LightField
 from isetcl.scene.model import Scene
 from isetcl.scene.texture import Image
 from isetcl.scene.view import intersect, texels_across
-from isetcl.spectrum import check_wavelengths, default_wavelengths_nm
 from isetcl.units import MM_PER_M
 from isetcl.version import __version__
 
@@ -57,7 +65,7 @@ _LARGEST_REACH_DEG = 2.0
 
 
 def render(
-    scene: Scene,
+    scene: Source,
     eye: Eye,
     *,
     method: str = "layered_sum",
@@ -66,10 +74,12 @@ def render(
     psf_error: float = 0.01,
     psf_cache: bool | PsfCache | None = True,
     layers: Layers = "auto",
-    fov_deg: float | tuple[float, float] = 10.0,
-    resolution: int | tuple[int, int] = 256,
-    centre_deg: Centre = (0.0, 0.0),
+    fov_deg: float | tuple[float, float] | None = None,
+    resolution: int | tuple[int, int] | None = None,
+    centre_deg: Centre | None = None,
     wavelengths_nm: np.ndarray | None = None,
+    border: Border = "reflect",
+    hidden: Hidden = "extend",
     oversampling: int = 2,
     slicing: str = "auto",
     pupil_samples: int | None = None,
@@ -84,8 +94,18 @@ def render(
 
     Parameters
     ----------
-    scene, eye, fov_deg, resolution, centre_deg, wavelengths_nm
-        As in `isetcl.render`; the image lies on the same grid.
+    scene
+        A `Scene`, or pictures of one: a `PinholeView` or a `DepthImage`, seen from the middle of
+        the entrance pupil.
+    eye, fov_deg, resolution, centre_deg, wavelengths_nm
+        As in `isetcl.render`; the image lies on the same grid. None is what the picture has.
+    border
+        What lies beyond the borders of a picture, which blur brings in: ``"reflect"`` (mirrored,
+        as often as the PSF needs), ``"replicate"`` (its outermost pixels) or ``"zero"`` (dark). A
+        scene goes on by itself.
+    hidden
+        What lies behind a picture without hidden layers, for methods that need it: ``"extend"``
+        (the nearest pixel that is farther away) or ``"none"`` (dark).
     method
         One of `methods()`, for instance ``"layered_sum"`` or ``"pupil_clipped"``.
     psf
@@ -129,9 +149,10 @@ def render(
     """
     start = time.perf_counter()
     chosen: Method = methods()[check_choice("method", method, methods())]
-    check_type("scene", scene, Scene)
+    check_type("scene", scene, (Scene, PinholeView, DepthImage))
     check_type("eye", eye, Eye)
-    _check_emission_only(scene)
+    if isinstance(scene, Scene):
+        _check_emission_only(scene)
     check_field(field)
     check_between("psf_error", psf_error, 1e-4, 1.0)
     oversampling = check_count("oversampling", oversampling, 1, 8)
@@ -144,15 +165,17 @@ def render(
         )
     if scatter is not None:
         check_type("scatter", scatter, ScatterModel)
-    grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
-    wavelengths = check_wavelengths(
-        default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
-    )
+        check_type("scene", scene, Scene, "scattered light comes from outside pictures too")
+    grid = image_grid(scene, eye, fov_deg, resolution, centre_deg)
+    wavelengths = image_wavelengths(scene, wavelengths_nm)
     check_eye_wavelengths(eye, wavelengths)
     _check_square(grid)
     transmittance = transmittance_or_one(media, wavelengths)
-    scene = _filtered(scene, grid, oversampling)
-    basis = spectral_basis(scene, wavelengths)
+    if isinstance(scene, Scene):
+        source: Scene | PictureStack = _filtered(scene, grid, oversampling)
+    else:
+        source = picture_stack(scene, wavelengths, border, hidden)
+    basis = spectral_basis(source, wavelengths) if isinstance(source, Scene) else source.basis
     bank = PsfBank(
         eye,
         psf,
@@ -160,9 +183,9 @@ def render(
         reach_deg=min(_LARGEST_REACH_DEG, max(grid.fov_deg)),
         cache=psf_cache,
     )
-    depths = plan_depths(scene, grid, layers, wavelengths, bank, psf_error)
+    depths = plan_depths(source, grid, layers, wavelengths, bank, psf_error)
     job = Job(
-        scene,
+        source,
         grid,
         wavelengths,
         basis,
@@ -196,8 +219,9 @@ def render(
         "field": field,
         "patches": len(patches),
         "version": __version__,
-        "scene": scene.name,
-        "scene_digest": scene.digest(),
+        "scene": source.name,
+        "scene_digest": source.digest(),
+        **({} if isinstance(source, Scene) else source.assumptions(grid, job.reach_deg())),
         "layers_dpt": sorted(verges),
         "oversampling": oversampling,
         "slicing": chosen.slicing if slicing == "auto" else slicing,
@@ -210,7 +234,9 @@ def render(
         grid,
         wavelengths,
         irradiance,
-        vergence_dpt=vergence_map(scene, grid),
+        vergence_dpt=(
+            vergence_map(source, grid) if isinstance(source, Scene) else source.vergence_map(grid)
+        ),
         provenance=details,
     )
 

@@ -26,7 +26,8 @@ def soft_slices(layers: Sequence[Layer], *, complete: bool) -> list[Layer]:
     complete
         True: the farther layer keeps the whole sample, under the share of the nearer one, so that
         layers put over each other lose nothing. False: it keeps the rest, so that all shares add
-        up to what is visible.
+        up to what is visible; put over each other they let light through, so that M5 darkens
+        slopes even more than with hard slices.
     """
     shares = _shares(layers)
     if not any(np.any(up) or np.any(down) for up, down in shares):

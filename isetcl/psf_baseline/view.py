@@ -12,7 +12,7 @@ import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -27,6 +27,20 @@ from isetcl.scene.view import COINCIDENT, Hits, intersect, outline_points, weigh
 from isetcl.units import MM_PER_M
 
 Layers = Literal["auto"] | int | Sequence[float]
+
+
+class LayerSource(Protocol):
+    """What has layers of its own instead of surfaces: a `PictureStack`."""
+
+    def vergences_dpt(self) -> np.ndarray:
+        """All vergences that occur, sorted."""
+
+    def vergences_between(self, edges_dpt: np.ndarray) -> tuple[list[float], list[float]]:
+        """Mean vergence and visible area, in pixels, of what lies between edges."""
+
+    def layers_on(self, view: ViewGrid, edges_dpt: np.ndarray, complete: bool) -> list[Layer]:
+        """The layers between edges on the samples of a view; see `take_layers`."""
+
 
 MAX_LAYERS = 512
 
@@ -103,7 +117,11 @@ class Layer:
 
 
 def layer_edges_dpt(
-    scene: Scene, grid: RetinalGrid, layers: Layers, step_dpt: float, reach_deg: float = 0.0
+    scene: Scene | LayerSource,
+    grid: RetinalGrid,
+    layers: Layers,
+    step_dpt: float,
+    reach_deg: float = 0.0,
 ) -> np.ndarray:
     """Edges of depth layers in dioptres, ascending (far to near), shape (n + 1,).
 
@@ -124,7 +142,7 @@ def layer_edges_dpt(
     InvalidInputError
         If edges are not ascending or do not enclose the scene, or too many layers are needed.
     """
-    seen = _vergences(scene, grid, reach_deg)
+    seen = _vergences(scene, grid, reach_deg) if isinstance(scene, Scene) else scene.vergences_dpt()
     if len(seen) == 0:
         return np.array([-1e-9, 1e-9])
     low, high = float(seen[0]), float(seen[-1])
@@ -226,7 +244,7 @@ def _vergence(distance_m: np.ndarray, origin: np.ndarray, directions: np.ndarray
 
 
 def take_layers(
-    scene: Scene,
+    scene: Scene | LayerSource,
     view: ViewGrid,
     basis: SpectralBasis,
     edges_dpt: np.ndarray,
@@ -249,6 +267,8 @@ def take_layers(
     InvalidInputError
         If an object in the field is too small to be found by the finest refinement.
     """
+    if not isinstance(scene, Scene):
+        return scene.layers_on(view, edges_dpt, complete)
     rows, columns = view.shape
     count = len(edges_dpt) - 1
     found = np.zeros((count, len(basis.spectra) + 2, rows, columns), dtype=np.float32)

@@ -13,7 +13,7 @@ from isetcl.render.plan import Plan
 from isetcl.render.trees import SceneTrees
 
 if TYPE_CHECKING:
-    import pyopencl
+    pass
 
 
 class DeviceScene:
@@ -40,25 +40,21 @@ class DeviceScene:
         trees = SceneTrees(plan.device, packed, plan.config.precision)
         self.stack_size = trees.stack_size
         self._nodes, self._blocks = trees.nodes, trees.blocks
-        self._instances = self._upload(trees.instances)
-        self._records = {name: self._upload(array) for name, array in trees.records.items()}
+        self._instances = self._device.upload(trees.instances)
+        self._records = {name: self._device.upload(array) for name, array in trees.records.items()}
         none = np.zeros(16, dtype=real)
         corners = packed.triangles.reshape(-1, 9).astype(real)
-        self._corners = self._upload(corners if len(corners) else none)
-        self._normals = self._upload(
+        self._corners = self._device.upload(corners if len(corners) else none)
+        self._normals = self._device.upload(
             _table(packed.normals, len(corners), 9 * plan.config.has_normals, real)
         )
-        self._uvs = self._upload(_table(packed.uvs, len(corners), 6 * plan.config.has_uv, real))
-        self._owner = self._upload(packed.triangle_object)
-        self._texels = self._upload(packed.texels)
-        self._spectra = self._upload(packed.spectra)
+        self._uvs = self._device.upload(
+            _table(packed.uvs, len(corners), 6 * plan.config.has_uv, real)
+        )
+        self._owner = self._device.upload(packed.triangle_object)
+        self._texels = self._device.upload(packed.texels)
+        self._spectra = self._device.upload(packed.spectra)
         self._n_columns = np.int32(packed.spectra.shape[1])
-
-    def _upload(self, array: np.ndarray) -> pyopencl.Buffer:
-        import pyopencl as cl
-
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._device.context, flags, hostbuf=np.ascontiguousarray(array))
 
     def surfaces(self) -> tuple[Any, ...]:
         """What rays are asked about: analytic shapes, hierarchies, instances."""

@@ -19,7 +19,7 @@ from isetcl.render.kernel_config import KernelConfig
 from isetcl.render.plan import Plan
 
 if TYPE_CHECKING:
-    import pyopencl
+    pass
 
 SAMPLES_PER_LAUNCH = 256
 """Most samples summed in the kernel's own precision; longer sums are continued in float64.
@@ -77,25 +77,15 @@ class DirectPipeline:
         try:
             self._camera = pack.pack_camera(plan.grid, plan.config.precision)
             self._arguments = self._constants()
-            self._camera_buffer = self._upload(self._camera)
+            self._camera_buffer = self._device.upload(self._camera)
             columns, rows = plan.tile
             self._padded = self._pad(columns * rows)
-            self._film = cl.Buffer(
-                self._device.context,
-                cl.mem_flags.WRITE_ONLY,
-                self._channels * self._padded * self._real.itemsize,
-            )
+            self._film = self._device.allocate(self._channels * self._padded, self._real)
         except (cl.MemoryError, cl.LogicError) as error:
             raise OutOfMemoryError(
                 f"device {self._device.name!r} cannot hold the scene and a tile of "
                 f"{plan.tile[0]} x {plan.tile[1]} pixels ({error}); use smaller textures"
             ) from error
-
-    def _upload(self, array: np.ndarray) -> pyopencl.Buffer:
-        import pyopencl as cl
-
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._device.context, flags, hostbuf=np.ascontiguousarray(array))
 
     def _pad(self, pixels: int) -> int:
         step = self._plan.config.vector_width * self._device.work_group_size
@@ -123,12 +113,12 @@ class DirectPipeline:
         assert isinstance(plan.images, tuple)
         scene = pack.pack_scene(plan.scene, self._basis, plan.images, self._config)
         return (
-            self._upload(pupils),
-            self._upload(packed.elements),
+            self._device.upload(pupils),
+            self._device.upload(packed.elements),
             np.int32(len(sequences[0])),
-            self._upload(table),
+            self._device.upload(table),
             *(
-                self._upload(scene[name])
+                self._device.upload(scene[name])
                 for name in ("scene", "patches", "spheres", "materials", "images", "texels")
             ),
         )

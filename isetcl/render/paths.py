@@ -28,7 +28,7 @@ from isetcl.render.plan import Plan
 from isetcl.render.stages import PathStages, SceneArguments
 
 if TYPE_CHECKING:
-    import pyopencl
+    pass
 
 
 class PathPipeline:
@@ -49,25 +49,13 @@ class PathPipeline:
             self._upload_eye()
             self.scene = DeviceScene(plan)
             self._upload_bands()
-            self._film = self._buffer(self._n_bands * 4 * self._padded)
+            self._film = self._device.allocate(self._n_bands * 4 * self._padded, self._real)
             self._build()
         except (cl.MemoryError, cl.LogicError) as error:
             raise OutOfMemoryError(
                 f"device {self._device.name!r} cannot hold the scene and the paths of a tile of "
                 f"{plan.tile[0]} x {plan.tile[1]} pixels ({error}); use smaller textures or meshes"
             ) from error
-
-    def _upload(self, array: np.ndarray) -> pyopencl.Buffer:
-        import pyopencl as cl
-
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self._device.context, flags, hostbuf=np.ascontiguousarray(array))
-
-    def _buffer(self, values: int) -> pyopencl.Buffer:
-        import pyopencl as cl
-
-        size = values * self._real.itemsize
-        return cl.Buffer(self._device.context, cl.mem_flags.READ_WRITE, size)
 
     def _pad(self, pixels: int) -> int:
         # Lanes beyond the tile would follow whole paths for nothing.
@@ -90,20 +78,20 @@ class PathPipeline:
         self._camera = pack.pack_camera(plan.grid, precision)
         pupils = pack.pack_pupils(plan.pupils, indices, precision)
         table = pack.pack_planes(plan.grid, plan.pupils, self._camera, pupils, packed)
-        self._camera_buffer = self._upload(self._camera)
-        self._pupils = self._upload(pupils)
-        self._elements = self._upload(packed.elements)
-        self._eye_table = self._upload(table)
+        self._camera_buffer = self._device.upload(self._camera)
+        self._pupils = self._device.upload(pupils)
+        self._elements = self._device.upload(packed.elements)
+        self._eye_table = self._device.upload(table)
         self._n_elements = len(sequences[0])
 
     def _upload_bands(self) -> None:
         firsts = np.array([band.first for band in self._plan.band_choice.bands], dtype=np.int32)
-        self._band_first = self._upload(firsts)
+        self._band_first = self._device.upload(firsts)
         self._tile_record = np.zeros(1, dtype=pack_paths.TILE.dtype(self._config.precision))
-        self._tile_buffer = self._upload(self._tile_record)
+        self._tile_buffer = self._device.upload(self._tile_record)
         if not self._config.starts_given:
             self._tile_record["pixel_rad"] = math.radians(min(self._plan.grid.pitch_deg))
-        self._starts = self._upload(np.zeros(16, dtype=self._real))
+        self._starts = self._device.upload(np.zeros(16, dtype=self._real))
 
     def start_from(
         self, origins_m: np.ndarray, directions: np.ndarray, least_m: np.ndarray
@@ -124,7 +112,7 @@ class PathPipeline:
         planes[:3, :pixels] = origins_m.reshape(-1, 3).T
         planes[3:6, :pixels] = directions.reshape(-1, 3).T
         planes[6, :pixels] = least_m.ravel()
-        self._starts = self._upload(planes)
+        self._starts = self._device.upload(planes)
 
     def _build(self) -> None:
         device, config = self._device, self._config

@@ -27,6 +27,24 @@ _NAMES = {
 }
 """Of every field of `EyeFeatures`: what it is called, and why it is left out."""
 
+_GROUPS = {
+    ("surface shapes", "every surface is a plane, a sphere or a conic of revolution"): (
+        "has_quadrics",
+        "has_biconics",
+        "has_torics",
+        "has_even_aspheres",
+        "has_zernike_sags",
+        "has_height_maps",
+    ),
+    ("gradient index", "every medium is the same everywhere"): (
+        "has_polynomial_gradients",
+        "has_shell_gradients",
+        "has_real_powers",
+        "has_placed_gradients",
+    ),
+}
+"""Fields that are told in one line where an eye has none of them."""
+
 
 def decide_eye_features(
     eye: Eye, wavelength_nm: float, precision: Precision, notes: list[Decision]
@@ -35,9 +53,20 @@ def decide_eye_features(
     sequence = travel_order(elements(eye, wavelength_nm), "scene")
     alone = {element.name: EyeFeatures.of([(element,)]) for element in reversed(sequence)}
     decided: dict[str, int] = {}
+    owners = {
+        field: [owner for owner, features in alone.items() if getattr(features, field)]
+        for field in _NAMES
+    }
+    together: set[str] = set()
+    for (name, why_not), fields in _GROUPS.items():
+        if not any(owners[field] for field in fields):
+            decided |= dict.fromkeys(fields, False)
+            left_out(notes, name, False, "", why_not)
+            together.update(fields)
     for field, (name, why_not) in _NAMES.items():
-        owners = [owner for owner, features in alone.items() if getattr(features, field)]
-        decided[field] = left_out(notes, name, bool(owners), ", ".join(owners), why_not)
+        if field not in together:
+            there = owners[field]
+            decided[field] = left_out(notes, name, bool(there), ", ".join(there), why_not)
     lenses = [e for e in reversed(sequence) if e.gradient_before is not None]
     if lenses:
         steps = [kernel_steps(e.gradient_before, precision) for e in lenses if e.gradient_before]

@@ -57,26 +57,23 @@ class PathStages:
         }
         self._allocate(slots)
 
-    def _buffer(self, values: int, itemsize: int | None = None) -> pyopencl.Buffer:
-        import pyopencl as cl
-
-        size = values * (self._real.itemsize if itemsize is None else itemsize)
-        return cl.Buffer(self._device.context, cl.mem_flags.READ_WRITE, size)
+    def _buffer(self, values: int, dtype: type | None = None) -> pyopencl.Buffer:
+        return self._device.allocate(values, self._real if dtype is None else np.dtype(dtype))
 
     def _allocate(self, n: int) -> None:
         """Planes of paths; this owns them."""
         self._origin, self._direction = self._buffer(3 * n), self._buffer(3 * n)
         self._weight, self._distance = self._buffer(n), self._buffer(n)
-        self._hit_object, self._hit_triangle = self._buffer(n, 4), self._buffer(n, 4)
+        self._hit_object, self._hit_triangle = self._buffer(n, np.int32), self._buffer(n, np.int32)
         self._hit_uv = self._buffer(2 * n)
         self._throughput, self._radiance = self._buffer(4 * n), self._buffer(4 * n)
         passing = n if self._config.has_additive or self._config.starts_given else 1
-        self._passed, self._bounces = self._buffer(passing), self._buffer(passing, 4)
+        self._passed, self._bounces = self._buffer(passing), self._buffer(passing, np.int32)
         self._width = self._buffer(n if self._config.has_levels else 1)
         self._last_density = self._buffer(n)
-        self._alive = [self._buffer(n, 4), self._buffer(n, 4)]
-        self._shadowed = self._buffer(n, 4)
-        self._counts = self._buffer(2, 4)
+        self._alive = [self._buffer(n, np.int32), self._buffer(n, np.int32)]
+        self._shadowed = self._buffer(n, np.int32)
+        self._counts = self._buffer(2, np.int32)
         lit = n if self._config.has_lights else 1
         self._shadow = [self._buffer(k * lit) for k in (3, 3, 1, 4)]
 

@@ -140,14 +140,14 @@ class _Runner:
         data = np.zeros((7, padded), dtype=self._real)
         data[5] = -1.0
         data[:, :n] = rays
-        flags, context, queue = cl.mem_flags, self._device.context, self._device.queue
-        into = cl.Buffer(context, flags.READ_ONLY | flags.COPY_HOST_PTR, hostbuf=data)
+        queue = self._device.queue
+        into = self._device.upload(data)
         results = (
             np.empty(padded, self._real),
             np.empty(padded, np.int32),
             np.empty((10, padded), self._real),
         )
-        buffers = [cl.Buffer(context, flags.WRITE_ONLY, array.nbytes) for array in results]
+        buffers = [self._device.allocate(array.size, array.dtype) for array in results]
         self._kernel.set_args(
             np.int32(padded),
             into,

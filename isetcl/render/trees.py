@@ -28,7 +28,6 @@ class SceneTrees:
     """
 
     def __init__(self, device: Device, packed: PackedScene, precision: Precision) -> None:
-        import pyopencl as cl
 
         nodes, blocks = [], []
         depth, nodes_at, blocks_at = 1, 0, 0
@@ -60,10 +59,9 @@ class SceneTrees:
             for place in np.flatnonzero(self.instances["object"] >= 0):
                 self.records["objects"][self.instances[place]["object"]]["instance"] = place
         self.stack_size = stack_size(depth)
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         blocks = blocks or [np.zeros(1, block_dtype(precision))]
-        self.nodes = cl.Buffer(device.context, flags, hostbuf=_joined(nodes))
-        self.blocks = cl.Buffer(device.context, flags, hostbuf=_joined(blocks))
+        self.nodes = device.upload(_joined(nodes))
+        self.blocks = device.upload(_joined(blocks))
 
 
 def _bounds(packed: PackedScene) -> np.ndarray:

@@ -274,9 +274,9 @@ def longitudinal_spherical_aberration_dpt(
     Raises
     ------
     InvalidInputError
-        If a ray does not pass the eye, or the eye is no figure of revolution.
+        If a ray does not pass the eye, or a surface of it is no figure of revolution.
     """
-    if not eye.is_rotational:
+    if not all(surface.is_rotational for surface in eye.surfaces):
         raise InvalidInputError(
             "longitudinal spherical aberration belongs to figures of revolution, in which rays "
             f"cross the axis again; for eye {eye.name!r} fit Zernike polynomials"

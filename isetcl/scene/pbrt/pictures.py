@@ -14,6 +14,8 @@ from isetcl.memory import check_memory
 from isetcl.scene.pbrt.files import read_bytes
 from isetcl.scene.texture import load_image
 
+FLOAT_SUFFIXES = (".pfm", ".hdr", ".pic", ".exr")
+
 _MOST_TEXELS = 1 << 30
 
 
@@ -33,14 +35,30 @@ def read_picture(path: Path, encoding: str | None = None) -> np.ndarray:
     FileError
         If it cannot be read.
     """
-    suffix = path.suffix.lower()
-    readers = {".pfm": _read_pfm, ".hdr": _read_hdr, ".pic": _read_hdr, ".exr": _read_exr}
-    if suffix not in readers:
+    if path.suffix.lower() not in FLOAT_SUFFIXES:
         texels = np.asarray(load_image(path).texels, dtype=np.float32)
         return _encoded(texels, encoding, path)
+    texels = read_floats(path)
+    return np.nan_to_num(np.maximum(texels, 0.0), nan=0.0, posinf=3e38).astype(np.float32)
+
+
+def read_floats(path: Path) -> np.ndarray:
+    """The numbers of a PFM, HDR or EXR file as they are, row 0 at the top.
+
+    Returns
+    -------
+    ndarray, (rows, columns) or (rows, columns, 3)
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
+    suffix = path.suffix.lower()
+    readers = {".pfm": _read_pfm, ".hdr": _read_hdr, ".pic": _read_hdr, ".exr": _read_exr}
     data = read_bytes(path, "picture", factor=6.0)
     try:
-        texels = readers[suffix](data)
+        return readers[suffix](data)
     except IsetclError as error:
         raise FileError(f"picture {str(path)!r}: {error}") from error
     except (ValueError, IndexError, struct.error, zlib.error, KeyError, OverflowError) as error:
@@ -48,7 +66,6 @@ def read_picture(path: Path, encoding: str | None = None) -> np.ndarray:
             f"picture {str(path)!r} cannot be read as {suffix[1:].upper()} ({error}); save it "
             "again as PFM or PNG"
         ) from error
-    return np.nan_to_num(np.maximum(texels, 0.0), nan=0.0, posinf=3e38).astype(np.float32)
 
 
 def _encoded(texels: np.ndarray, encoding: str | None, path: Path) -> np.ndarray:

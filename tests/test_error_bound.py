@@ -1,0 +1,304 @@
+"""Predicted errors of PSF methods against closed forms and ray tracing."""
+
+import functools
+import math
+
+import numpy as np
+import pytest
+import random_planes
+from layers import combined, layer
+from oracles import reduced_eye
+
+import isetcl as ic
+from isetcl.psf_baseline import DepthImage, DepthSheet, edge_error, error_bound, methods
+from isetcl.psf_baseline.bound import _field_change
+from isetcl.validation import occlusion_strip
+
+ONE = np.array([550.0])
+
+# Blur radii of the far and the near layer.
+CASES = {"A": (1.0, 0.0), "B": (0.0, 1.0), "C": (0.5, 1.0)}
+EDGE_TABLE = {
+    # Computed for this project from the integral over the pupil: largest error and its integral.
+    "gather": {"A": (0.50, 0.21), "B": (0.50, 0.21), "C": (0.20, 0.11)},
+    "layered_sum": {"A": (0.50, 0.42), "B": (0.50, 0.42), "C": (0.20, 0.21)},
+    "layered_normalized": {"A": (0.33, 0.16), "B": (0.50, 0.26)},
+    "layered_over_visible": {"A": (0.50, 0.21), "B": (0.50, 0.21), "C": (0.28, 0.23)},
+    "layered_over_normalized": {"A": (0.0, 0.0), "B": (0.50, 0.21), "C": (0.195, 0.04)},
+    "ikoma": {"A": (0.004, None), "B": (0.50, 0.22), "C": (0.195, 0.05)},
+    "layered_over": {"A": (0.0, 0.0), "B": (0.0, 0.0), "C": (0.0, 0.0)},
+}
+CLOSED = sorted(set(methods()) - {"single"})
+
+
+# ---- closed forms ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("method", "case", "expected"),
+    [(m, case, value) for m, row in EDGE_TABLE.items() for case, value in row.items()],
+)
+def test_closed_forms_give_the_table_of_edge_errors(method, case, expected):
+    x = (np.arange(6000) + 0.5) / 1000.0 - 3.0
+    error = np.abs(edge_error(method, x, *CASES[case]))
+    assert error.max() == pytest.approx(expected[0], abs=0.005)
+    if expected[1] is not None:
+        assert error.sum() / 1000.0 == pytest.approx(expected[1], abs=0.006)
+
+
+@pytest.mark.parametrize("method", CLOSED)
+def test_closed_forms_are_what_methods_do_with_any_two_radiances(method):
+    far, near, radii = 0.7, 0.4, (14.0, 32.0)
+    rows, columns = 72, 240
+    x = np.arange(columns) - columns / 2 + 0.5
+    cover = np.broadcast_to(x < 0, (rows, columns))
+    one = np.ones((rows, columns))
+    layers = [layer(0.0, far * one, one), layer(1.0, near * one, cover)]
+    image = combined(method, layers, radii, samples=200, rays=64)[rows // 2]
+    share = [0.5 - edge_share(x / r) for r in radii]
+    truth = near * share[1] + far * (1.0 - share[1])
+    expected = edge_error(method, x, *radii, far=far, near=near)
+    inner = slice(40, -40)
+    np.testing.assert_allclose((image - truth)[inner], expected[inner], atol=0.012)
+
+
+def edge_share(t):
+    t = np.clip(t, -1.0, 1.0)
+    return (t * np.sqrt(1.0 - t * t) + np.arcsin(t)) / np.pi
+
+
+def test_one_psf_has_no_closed_form_of_its_own():
+    with pytest.raises(ic.InvalidInputError, match="use error_bound"):
+        edge_error("single", [0.0], 1.0, 1.0)
+    with pytest.raises(ic.InvalidInputError, match="radius must be >= 0"):
+        edge_error("gather", [0.0], -1.0, 1.0)
+    with pytest.raises(ic.InvalidInputError, match=r"did you mean.*gather"):
+        edge_error("gathr", [0.0], 1.0, 1.0)
+
+
+# ---- predictions -----------------------------------------------------------------------------
+
+FOV_DEG = 0.64
+PUPIL_MM = 4.0
+NEAR_DPT = 2.0
+
+
+@functools.cache
+def perfect_eye():
+    return reduced_eye(PUPIL_MM)
+
+
+def step(n=64, near=0.4, far=0.7, hidden=False):
+    """A near half before a far one, of even radiance; the eye is focused at infinity."""
+    left = np.broadcast_to(np.arange(n) < n // 2, (n, n))
+    behind = (DepthSheet(np.full((n, n), far), 0.0),) if hidden else ()
+    depth = np.where(left, NEAR_DPT, 0.0)
+    picture = np.where(left, near, far)
+    return DepthImage(picture, depth, FOV_DEG, depth_unit="dpt", hidden=behind)
+
+
+@pytest.mark.parametrize(
+    "method", ["gather", "layered_sum", "layered_normalized", "layered_over_visible", "ikoma"]
+)
+def test_the_prediction_at_a_straight_edge_is_the_closed_form(method):
+    n = 64
+    found = error_bound(step(n), perfect_eye(), method=method, wavelengths_nm=ONE)
+    radius = math.degrees(PUPIL_MM / 2e3 * NEAR_DPT) * n / FOV_DEG
+    x = np.arange(n) - n / 2 + 0.5
+    # A pixel is the mean over its width.
+    fine = x[:, None] + (np.arange(16) + 0.5) / 16 - 0.5
+    both = {"far": 0.7, "near": 0.4}
+    expected = edge_error(method, fine, 0.0, radius, **both).mean(axis=1)
+    share = 0.5 - edge_share(fine / radius).mean(axis=1)
+    level = (0.4 * share + 0.7 * (1.0 - share)).mean()
+    np.testing.assert_allclose(found.estimate[n // 2], expected / level, atol=0.02)
+    assert np.abs(expected).max() > 0.1
+    assert np.all(found.bound >= np.abs(found.estimate))
+
+
+def test_a_method_that_is_exact_is_predicted_to_be():
+    found = error_bound(step(hidden=True), perfect_eye(), method="layered_over", wavelengths_nm=ONE)
+    # Rays through the pupil blur in a staircase of 256, the method in one of its own samples.
+    assert np.abs(found.estimate).max() < 0.02
+    assert np.abs(found.estimate).mean() < 0.002
+    assert not found.parts["hidden"].any()
+
+
+def test_the_strip_is_as_wide_as_the_pupil_and_the_depths_say():
+    found = error_bound(step(), perfect_eye(), wavelengths_nm=ONE)
+    half_deg = math.degrees(PUPIL_MM / 2e3 * NEAR_DPT)
+    assert found.strip[0].sum() * FOV_DEG / 64 / 2 == pytest.approx(
+        half_deg, abs=1.5 * FOV_DEG / 64
+    )
+    verge = step().vergence_dpt
+    np.testing.assert_array_equal(found.strip, occlusion_strip(verge, FOV_DEG / 64, PUPIL_MM))
+    # Nothing is predicted beyond it but what one PSF does to a whole field.
+    assert np.abs(found.estimate[~found.strip]).max() < 1e-3
+
+
+def test_unknown_content_behind_edges_is_bounded_by_the_contrast():
+    n = 64
+    rng = np.random.default_rng(8)
+    left = np.broadcast_to(np.arange(n) < n // 2, (n, n))
+    blocks = np.kron(rng.random((16, 16)), np.ones((4, 4)))
+    depth = np.where(left, NEAR_DPT, 0.0)
+    front = np.where(left, 0.3, blocks)
+    seen = DepthImage(front, depth, FOV_DEG, depth_unit="dpt")
+    # The truth has other blocks behind the near half.
+    behind = np.where(left, np.kron(rng.random((16, 16)), np.ones((4, 4))), blocks)
+    known = DepthImage(front, depth, FOV_DEG, depth_unit="dpt", hidden=(DepthSheet(behind, 0.0),))
+    options = {"method": "layered_over", "wavelengths_nm": ONE}
+    bound = error_bound(seen, perfect_eye(), **options)
+    made, truth = (
+        ic.psf_baseline.render(image, perfect_eye(), **options).brightness()[0]
+        for image in (seen, known)
+    )
+    error = np.abs(made - truth) / truth.mean()
+    assert error.max() > 0.1
+    assert (error <= bound.bound).mean() > 0.99
+    without = bound.bound - bound.parts["hidden"]
+    assert (error[bound.strip] <= without[bound.strip]).mean() < 0.95
+    assert not error_bound(known, perfect_eye(), **options).parts["hidden"].any()
+
+
+def test_pinhole_views_are_bounded_like_their_pictures():
+    scene = ic.scenes.two_planes(0.5, 2.0, texture="uniform", edge_angle_deg=0.0)
+    where = {"fov_deg": 0.8, "resolution": 24, "wavelengths_nm": ONE}
+    eye = ic.eyes.navarro(4.0, 2.0)
+    for layers in (1, 2):
+        view = ic.pinhole(scene, eye, layers=layers, **where)
+        found, own = error_bound(view, eye), error_bound(scene, eye, **where)
+        np.testing.assert_allclose(found.estimate, own.estimate, atol=3e-3)
+        # A single layer does not know what is behind, but all that is seen there is even.
+        assert found.parts["hidden"].max() < (0.01 if layers == 1 else 1e-9)
+
+
+def test_the_shift_of_off_axis_psfs_is_that_of_traced_spots():
+    eye = ic.eyes.navarro(5.0, 1.0)
+    grid = ic.RetinalGrid.of(eye, 2.0, 8)
+    shift, variance = _field_change(grid, 1.0, np.array([1.0, 1.0]))
+    # A second way: centroid and spread of PSF kernels.
+    kernels = [
+        ic.psf_baseline.geometric_psf(eye, grid.wavelength_nm, 1.0, 0.002, at)
+        for at in ((1e-4, 0.0), (1.0, 1.0))
+    ]
+    moments = []
+    for psf in kernels:
+        n = (np.arange(psf.kernel.shape[0]) - psf.radius) * psf.pitch_deg
+        x = float((psf.kernel.sum(axis=0) * n).sum())
+        y = float((psf.kernel.sum(axis=1) * -n).sum())
+        square = float((psf.kernel * (n[None, :] ** 2 + n[:, None] ** 2)).sum())
+        moments.append((x, y, (square - x * x - y * y) / 2.0))
+    moved = np.subtract(moments[1], moments[0])
+    np.testing.assert_allclose(shift @ [1.0, 1.0], moved[:2], rtol=0.1)
+    assert abs(moved[0]) > 1e-3
+    assert variance == pytest.approx(abs(moved[2]), rel=0.25)
+
+
+# ---- verdicts --------------------------------------------------------------------------------
+
+
+def test_a_flat_scene_is_safe_and_says_so():
+    image = DepthImage(np.full((8, 8), 0.5), 1.0, 0.4)
+    verdict = error_bound(image, perfect_eye(), method="gather", wavelengths_nm=ONE).verdict()
+    assert verdict.is_safe
+    assert verdict.share == 1.0
+    assert verdict.text == "gather within 1 % on 100 % of the image"
+
+
+def test_a_verdict_never_claims_more_than_the_bound():
+    found = error_bound(step(), perfect_eye(), wavelengths_nm=ONE)
+    for tolerance in (0.005, 0.01, 0.1, 0.9):
+        verdict = found.verdict(tolerance, needed=0.9)
+        share = float((found.bound <= tolerance).mean())
+        assert verdict.share == share
+        assert verdict.is_safe == (share >= 0.9)
+        claimed = float(verdict.text.split(" on ")[1].split()[0])
+        assert 100 * share - 0.1 <= claimed <= 100 * share
+    assert not found.verdict().is_safe
+
+
+def test_the_bound_is_the_sum_of_its_parts():
+    found = error_bound(step(), perfect_eye(), wavelengths_nm=ONE)
+    assert set(found.parts) == {"edges", "pupil", "field", "hidden", "agreement"}
+    np.testing.assert_allclose(found.bound, sum(found.parts.values()))
+    assert all(np.all(part >= 0) for part in found.parts.values())
+
+
+def test_one_pixel_and_black_pictures_have_bounds():
+    one = DepthImage(np.array([[0.5]]), 1.0, 0.1)
+    assert error_bound(one, perfect_eye(), wavelengths_nm=ONE).bound.shape == (1, 1)
+    black = DepthImage(np.zeros((4, 4)), 1.0, 0.1)
+    assert not error_bound(black, perfect_eye(), wavelengths_nm=ONE).bound.any()
+    nothing = ic.Scene((), None, "nothing")
+    where = {"fov_deg": 1.0, "resolution": 4, "wavelengths_nm": ONE}
+    assert error_bound(nothing, perfect_eye(), **where).verdict().is_safe
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"method": "layered"}, "did you mean layered_"),
+        ({"pupil_samples": 2}, "pupil_samples"),
+        ({"scatter": None}, "unknown option of error_bound"),
+        ({"border": "edge"}, "unknown border"),
+        ({"wavelengths_nm": []}, "wavelengths_nm"),
+    ],
+)
+def test_bad_arguments_are_named(change, message):
+    with pytest.raises(ic.InvalidInputError, match=message):
+        error_bound(step(4), perfect_eye(), **change)
+
+
+def test_bad_tolerances_are_named():
+    found = error_bound(step(4), perfect_eye(), wavelengths_nm=ONE)
+    with pytest.raises(ic.InvalidInputError, match="tolerance"):
+        found.verdict(-0.1)
+    with pytest.raises(ic.InvalidInputError, match="needed"):
+        found.verdict(0.1, 1.5)
+
+
+# ---- against ray tracing ---------------------------------------------------------------------
+
+
+def judged(scene, eye, method, pixels=64, spp=2048):
+    """Absolute error, its standard error from noise, and the bound, of the mean of the image."""
+    where = {"fov_deg": random_planes.FOV_DEG, "resolution": pixels}
+    traced, noise = ic.render(scene, eye, spp=spp, seed=1, progress=False, **where).brightness()
+    made = ic.psf_baseline.render(scene, eye, method=method, **where).brightness()[0]
+    bound = error_bound(scene, eye, method=method, **where).bound
+    level = traced.mean()
+    return np.abs(made - traced).ravel() / level, noise.ravel() / level, bound.ravel()
+
+
+def assert_bounded(error, noise, bound):
+    """At least 95 % below, noise of two standard errors forgiven; the median ratio below 3.
+
+    The ratio is over pixels whose error is at least four standard errors, so that it is error.
+    """
+    assert np.mean(noise) < 0.003
+    assert np.mean(error <= bound + 2.0 * noise) >= 0.95
+    real = error >= 4.0 * noise
+    assert real.mean() > 0.3
+    assert 1.0 <= np.median(bound[real] / error[real]) <= 3.0
+
+
+def test_ray_traced_errors_lie_below_the_bound():
+    assert_bounded(*judged(*random_planes.planes(3), "layered_sum", pixels=32, spp=1024))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["layered_sum", "layered_over"])
+def test_twenty_random_scenes_of_planes_are_bounded(method):
+    found = [judged(*random_planes.planes(seed), method) for seed in range(20)]
+    error, noise, bound = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    assert_bounded(error, noise, bound)
+    # Without forgiving noise, and none of the scenes is left out.
+    assert np.mean(error <= bound) >= 0.95
+    assert min(np.mean(e <= b + 2.0 * n) for e, n, b in found) >= 0.9
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["layered_sum", "gather", "layered_over"])
+def test_a_mesh_is_bounded(method):
+    assert_bounded(*judged(*random_planes.sheet(), method))
