@@ -214,7 +214,11 @@ def test_kinds_that_know_no_colour_or_depth_are_the_same_everywhere():
         (lambda: KINDS["wave"](EYE, 550.0, -1.0, 0.1), "between 0 and"),
         (lambda: KINDS["wave"](EYE, 550.0, 1.0, 0.0), "pitch_deg"),
         (lambda: KINDS["disc"](EYE, 550.0, 0.0, 1e-6), "samples across"),
-        (lambda: KINDS["wave"](reduced_eye(8.0), 400.0, 60.0, 0.05), "psf='geometric'"),
+        pytest.param(
+            lambda: KINDS["wave"](reduced_eye(8.0), 400.0, 60.0, 0.05),
+            "psf='geometric'",
+            marks=pytest.mark.slow,
+        ),
         (lambda: KINDS["watson"](ic.eyes.navarro(1.0), 550.0, 1.0, 0.05), "pupil_diameter_mm"),
     ],
 )
