@@ -43,7 +43,7 @@ def test_a_psf_is_made_once_and_then_comes_from_disk(tmp_path):
     "change",
     [
         {"eye": ic.eyes.navarro(4.0, 1.5)},
-        {"kind": "disc"},
+        {"kind": "hurb"},
         {"reach_deg": 1.0},
         {"wavelength": 560.0},
         {"vergence": 1.1},
@@ -134,18 +134,18 @@ def test_a_folder_that_cannot_be_written_does_no_harm(tmp_path):
 
 @pytest.mark.slow
 def test_depths_are_interpolated_only_within_the_bound():
-    verges = np.linspace(1.0, 1.3, 33)
+    verges = np.linspace(1.0, 1.15, 17)
     exact = [bank(kind="wave").psf(550.0, v) for v in verges[::4]]
-    for bound in (0.05, 0.01):
+    for bound in (0.04, 0.01):
         some = bank(kind="wave")
         found = some.over_depth(550.0, list(verges), bound=bound)
         errors = [kernel_distance(a, b) for a, b in zip(found[::4], exact, strict=True)]
         assert max(errors) <= bound
-        assert 2 < some.made < 33
+        assert 2 < some.made < 17
         assert 0.0 < some.describe()["depth_error"] <= bound
     none = bank(kind="wave")
     none.over_depth(550.0, list(verges), bound=0.0)
-    assert none.made == 33
+    assert none.made == 17
 
 
 def test_what_a_kind_does_not_know_is_made_once():
@@ -219,19 +219,19 @@ def test_ten_degrees_off_axis_patches_agree_with_ray_tracing_to_one_percent():
 @pytest.mark.slow
 def test_the_number_of_patches_follows_from_the_bound():
     where = ((10.0, 0.0), (4.0, 4.0))
-    # At half a dioptre out of focus a blur disc changes slowly.
-    few, many = (bank().patches_needed(550.0, [0.6], *where, bound=b) for b in (0.1, 0.03))
+    few, many = (bank().patches_needed(550.0, [0.6], *where, bound=b) for b in (0.2, 0.06))
     assert 1 <= few < many
     some = bank()
-    n = some.patches_needed(550.0, [0.6], *where, bound=0.1)
-    assert some.field_error <= 0.1
+    n = some.patches_needed(550.0, [0.6], *where, bound=0.06)
+    assert n == many
+    assert some.field_error <= 0.06
     # Between two neighbouring nodes, off the diagonal on which it was measured.
-    x = 10.0 - 2.0 + 4.0 * np.array([0.0, 0.5, 1.0]) / max(1, n - 1)
+    x = 10.0 - 2.0 + 4.0 * np.array([0.0, 0.5, 1.0]) / (n - 1)
     a, m, b = (some.psf(550.0, 0.6, (float(t), 0.0)) for t in x)
     half = max(p.radius for p in (a, b))
     grown = [np.pad(p.kernel, half - p.radius) for p in (a, b)]
     middle = Psf((grown[0] + grown[1]) / 2.0, PITCH, 0.0)
-    assert kernel_distance(middle, m) < 0.15
+    assert kernel_distance(middle, m) < 0.06
     assert bank(kind="disc").patches_needed(550.0, [0.6], *where, bound=0.01) == 1
 
 
@@ -279,7 +279,7 @@ def test_blur_is_convolution(is_symmetric, outside):
     if not is_symmetric:
         kernel = kernel * np.linspace(0.5, 1.5, 15) * np.linspace(0.2, 1.0, 15)[:, None]
     psf = Psf(kernel / kernel.sum() * (1.0 - outside), PITCH, outside)
-    layers = random_layers((150, 170))
+    layers = random_layers((260, 280))
     mix = np.array([2.0, 3.0])
     plain = SpectralBlur(LayerSpectra(layers), [psf, psf])
     mixed = SpectralBlur(LayerSpectra(layers), [psf, psf], mix=mix)
