@@ -106,6 +106,9 @@ def compare(
         raise typer.Exit(INTERRUPTED) from None
     console = Console()
     console.print(_table(comparison))
+    if comparison.verdicts:
+        text = "; ".join(comparison.verdicts.values())
+        console.print(f"Predicted: {text}.", highlight=False, soft_wrap=True)
     console.print(
         f"{comparison.total_s:.0f} s on {comparison.reference.provenance['device']}; "
         f"results in {output}/, start with {output / 'report.html'}",

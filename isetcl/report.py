@@ -104,6 +104,7 @@ def report_record(comparison: Comparison, command: str) -> dict[str, Any]:
             }
             for name, error in comparison.errors.items()
         },
+        "verdicts": comparison.verdicts,
         "wavelengths_nm": comparison.reference.wavelengths_nm.tolist(),
         "plan": comparison.plan_text.splitlines(),
         "reference": comparison.reference.provenance,
@@ -241,6 +242,9 @@ def _sections(
         note = "<p>Ctrl-C ended this comparison early; it shows what was finished.</p>"
         sections.append(("Interrupted", note))
     sections.append(("Retinal images", figure("images", "All in the same exposure.")))
+    if comparison.verdicts:
+        text = "; ".join(html.escape(text) for text in comparison.verdicts.values())
+        sections.append(("Predicted before a ray was traced", f"<p>{text}.</p>"))
     if comparison.errors:
         differences = "".join(
             figure(

@@ -28,6 +28,7 @@ def test_compare_writes_its_folder_and_prints_a_table(tmp_path):
     result = run("compare", *SMALL, "--output", "results", cwd=tmp_path)
     assert result.returncode == 0, result.stderr
     assert "layered sum (M3)" in result.stdout
+    assert "Predicted: layered_sum within 1 % on" in result.stdout
     assert "report.html" in result.stdout
     folder = tmp_path / "results"
     record = json.loads((folder / "report.json").read_text())

@@ -10,7 +10,14 @@ from layers import combined, layer
 from oracles import reduced_eye
 
 import isetcl as ic
-from isetcl.psf_baseline import DepthImage, DepthSheet, edge_error, error_bound, methods
+from isetcl.psf_baseline import (
+    DepthImage,
+    DepthSheet,
+    edge_error,
+    error_bound,
+    error_bounds,
+    methods,
+)
 from isetcl.psf_baseline.bound import _field_change
 from isetcl.validation import occlusion_strip
 
@@ -217,6 +224,16 @@ def test_a_verdict_never_claims_more_than_the_bound():
         claimed = float(verdict.text.split(" on ")[1].split()[0])
         assert 100 * share - 0.1 <= claimed <= 100 * share
     assert not found.verdict().is_safe
+
+
+def test_methods_asked_for_together_get_the_bounds_they_get_alone():
+    names = ["gather", "layered_sum"]
+    both = error_bounds(step(), perfect_eye(), names, wavelengths_nm=ONE)
+    assert list(both) == names
+    for name in names:
+        own = error_bound(step(), perfect_eye(), method=name, wavelengths_nm=ONE)
+        np.testing.assert_array_equal(both[name].bound, own.bound)
+    assert error_bounds(step(4), perfect_eye(), [], wavelengths_nm=ONE) == {}
 
 
 def test_the_bound_is_the_sum_of_its_parts():

@@ -223,6 +223,10 @@ def test_the_report_holds_what_it_promises(comparison, tmp_path):
     assert [t["method"] for t in record["trials"]] == [t.method for t in comparison.trials]
     assert [t["error"] for t in record["trials"]] == [t.error for t in comparison.trials]
     assert record["is_complete"] is True
+    assert list(record["verdicts"]) == ["layered_sum", "layered_over"]
+    for text in record["verdicts"].values():
+        assert "within 1 % on" in text
+        assert text in page
     bands = next(line for line in record["plan"] if line.startswith("bands")).split()[1]
     assert int(bands) == len(comparison.reference.provenance["bands_nm"])
     loaded = ic.RetinalImage.load(tmp_path / "layered_sum.nc")

@@ -5,7 +5,7 @@ judges would prove nothing.
 """
 
 from isetcl.psf_baseline.bank import PsfBank
-from isetcl.psf_baseline.bound import ErrorBound, Verdict, error_bound
+from isetcl.psf_baseline.bound import ErrorBound, Verdict, error_bound, error_bounds
 from isetcl.psf_baseline.depth_files import load_depth, load_depth_image
 from isetcl.psf_baseline.depth_image import DepthImage, DepthSheet
 from isetcl.psf_baseline.edge_error import edge_error
@@ -29,6 +29,7 @@ __all__ = [
     "Verdict",
     "edge_error",
     "error_bound",
+    "error_bounds",
     "geometric_psf",
     "load_depth",
     "load_depth_image",

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
+
+import numpy as np
 
 from isetcl import psf_baseline
 from isetcl.errors import FocusError, InvalidInputError, check_choice, check_count, check_type
@@ -26,6 +28,8 @@ from isetcl.validation.occlusion import OcclusionError, occlusion_error
 DEFAULT_SAMPLES = (4, 16, 64, 256)
 REFERENCE_SEED_OFFSET = 1_000_003
 
+_VERDICT_PIXELS = 64
+_VERDICT_WAVELENGTHS = 5
 _MAX_SEED = (1 << 63) - 1
 _OPTIONS = ("centre_deg", "wavelengths_nm")
 
@@ -82,6 +86,9 @@ class Comparison:
         Time to the first, tiny image: kernels built, tables made.
     total_s : float
         Time of everything.
+    verdicts : dict of str
+        By PSF method, how much of the image it is predicted to show within 1 %, before any ray
+        was traced.
     is_complete : bool
         False if Ctrl-C ended it early; it then holds what was finished.
     """
@@ -95,6 +102,7 @@ class Comparison:
     build_s: float
     total_s: float
     is_complete: bool
+    verdicts: dict[str, str] = field(default_factory=dict)
 
 
 def compare(
@@ -168,6 +176,7 @@ def compare(
     trials: list[Trial] = []
     images: dict[str, RetinalImage] = {}
     errors: dict[str, OcclusionError] = {}
+    verdicts: dict[str, str] = {}
     is_complete = True
     try:
         _go_on_if_complete(reference)
@@ -181,6 +190,8 @@ def compare(
             errors[name] = occlusion_error(image, reference)
             images[name] = image
             trials.append(_trial(name, None, image, reference))
+        steps.say("predicting errors of PSF methods")
+        verdicts = _verdicts(scene, eye, names, where, planned.grid.resolution)
     except KeyboardInterrupt:
         is_complete = False
     return Comparison(
@@ -193,7 +204,21 @@ def compare(
         build_s,
         time.perf_counter() - start,
         is_complete,
+        verdicts,
     )
+
+
+def _verdicts(
+    scene: Scene, eye: Eye, names: list[str], where: dict[str, Any], resolution: tuple[int, int]
+) -> dict[str, str]:
+    """What `error_bounds` predicts of the methods, on few pixels and wavelengths."""
+    shrink = min(1.0, _VERDICT_PIXELS / max(resolution))
+    options = where | {"resolution": tuple(max(2, round(n * shrink)) for n in resolution)}
+    if where.get("wavelengths_nm") is not None:
+        known = np.atleast_1d(where["wavelengths_nm"])
+        options["wavelengths_nm"] = known[:: -(-len(known) // _VERDICT_WAVELENGTHS)]
+    found = psf_baseline.error_bounds(scene, eye, names, **options)
+    return {name: bound.verdict().text for name, bound in found.items()}
 
 
 def _focus_vergence_dpt(eye: Eye) -> float | None:
