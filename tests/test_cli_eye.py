@@ -40,6 +40,7 @@ def few_pictures(monkeypatch):
     monkeypatch.setattr(overview, "_PAGE", ((1.0, (("lca", 1.0), ("field_curvature", 1.0))),))
 
 
+@pytest.mark.slow
 def test_the_tables_of_an_eye_hold_its_numbers():
     result = run("eye", "navarro", "--accommodation", "2", "--field", "0,10", "--no-pictures")
     assert result.exit_code == 0, result.output
@@ -82,6 +83,7 @@ def test_every_picture_of_an_eye_is_drawn(tmp_path):
     assert written == {*overview.Overview.names(), "overview"}
 
 
+@pytest.mark.slow
 def test_what_an_eye_does_not_allow_is_left_out_and_said(tmp_path, few_pictures):
     small_cornea().to_json(tmp_path / "small.json")
     result = run("eye", str(tmp_path / "small.json"), "--field", "0,40", "--out", str(tmp_path))
@@ -92,6 +94,7 @@ def test_what_an_eye_does_not_allow_is_left_out_and_said(tmp_path, few_pictures)
     assert (tmp_path / "zernikes.png").exists()
 
 
+@pytest.mark.slow
 def test_the_mtf_table_is_printed_and_written(tmp_path):
     result = run(
         *("mtf", "navarro", "--pupil", "3", "--field", "5", "--frequency", "0,10,30"),
@@ -115,6 +118,7 @@ def test_the_mtf_table_is_printed_and_written(tmp_path):
     assert (tmp_path / "mtf.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_sections_that_are_alike_share_a_row_and_refused_ones_are_empty():
     eye = ic.eyes.navarro(3.0)
     table = mtf_table(eye, [10.0], step_nm=150.0)

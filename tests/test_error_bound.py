@@ -168,6 +168,7 @@ def test_unknown_content_behind_edges_is_bounded_by_the_contrast():
     assert not error_bound(known, perfect_eye(), **options).parts["hidden"].any()
 
 
+@pytest.mark.slow
 def test_pinhole_views_are_bounded_like_their_pictures():
     scene = ic.scenes.two_planes(0.5, 2.0, texture="uniform", edge_angle_deg=0.0)
     where = {"fov_deg": 0.8, "resolution": 24, "wavelengths_nm": ONE}

@@ -67,6 +67,7 @@ def test_a_perturbed_eye_is_recovered_from_noiseless_zernikes_at_five_fields():
     assert found.eye.stop.z_mm == pytest.approx(3.75, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_an_eye_is_recovered_from_wavefronts_sampled_another_way():
     fields = [(0.0, 0.0), (0.0, 10.0), (-12.0, 0.0)]
     fits = [PERSON.wavefront(f, samples=64).zernike(6, 2.6) for f in fields]

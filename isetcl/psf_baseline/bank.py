@@ -1,8 +1,9 @@
 """The PSFs an image needs: over wavelengths, depths and field positions, each made once.
 
 Between depths, and between field positions, PSFs may be interpolated linearly, sample by sample.
-The error of that is the L1 distance of the interpolated and the true kernel, measured half-way:
-the largest change of any image value is that times the range of radiance.
+The error of that is half the L1 distance of the interpolated and the true kernel, measured
+half-way: it is the share of light that lands elsewhere, and no image value changes by more than
+that times the range of radiance.
 """
 
 from __future__ import annotations
@@ -106,14 +107,14 @@ class PsfBank:
         *,
         bound: float = 0.0,
     ) -> list[Psf]:
-        """PSFs at vergences, made at as few of them as keep the L1 error of the others in a bound.
+        """PSFs at vergences, made at as few of them as keep the error of the others in a bound.
 
         An interval of vergences is halved, at one of those asked for, until what is interpolated
         there differs from what is made by at most half the bound, since the error in between may
         be larger than there. Errors are remembered as `depth_error`. With a bound of 0 all are
         made.
         """
-        bound = check_between("bound", bound, 0.0, 2.0)
+        bound = check_between("bound", bound, 0.0, 1.0)
         verges = sorted(set(map(float, vergences_dpt)))
         known = {v: self.psf(wavelength_nm, v, field_deg) for v in (verges[0], verges[-1])}
         if bound == 0.0:
@@ -151,7 +152,7 @@ class PsfBank:
         The error of interpolation falls with the square of the distance. It is measured over the
         whole field, and where one patch does not do, again at the number that follows.
         """
-        check_between("bound", bound, 1e-4, 2.0)
+        check_between("bound", bound, 1e-4, 1.0)
         if self._kind is None or not self._kind.knows_field:
             return 1
         count = 1
@@ -223,7 +224,7 @@ class PsfBank:
         fov_deg: Field,
         count: int,
     ) -> float:
-        """Largest L1 error of PSFs blended between patches, half-way, along both diagonals.
+        """Largest error of PSFs blended between patches, half-way, along both diagonals.
 
         With one patch, of its PSF at the corners.
         """
@@ -266,9 +267,9 @@ def mixed(psfs: Sequence[Psf], weights: Sequence[float]) -> Psf:
 
 
 def kernel_distance(one: Psf, other: Psf) -> float:
-    """The L1 distance of two kernels of one pitch, 0 to 2."""
+    """Half the L1 distance of two kernels of one pitch, 0 to 1."""
     half = max(one.radius, other.radius)
-    return float(np.abs(_grown(one.kernel, half) - _grown(other.kernel, half)).sum())
+    return float(np.abs(_grown(one.kernel, half) - _grown(other.kernel, half)).sum()) / 2.0
 
 
 def check_field(value: str | int) -> str | int:

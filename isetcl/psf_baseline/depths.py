@@ -18,8 +18,8 @@ from isetcl.psf_baseline.view import (
     ViewGrid,
     blur_step_dpt,
     layer_edges_dpt,
+    take_layers,
 )
-from isetcl.psf_baseline.view import take_layers as _take
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import spectral_basis
 from isetcl.scene.model import Scene
@@ -104,11 +104,15 @@ def _vergences(
     coarse = RetinalGrid.of(grid.eye, grid.fov_deg, (33, 33), grid.centre_deg)
     basis = spectral_basis(scene, np.array([grid.wavelength_nm]))
     view = ViewGrid(coarse, 1, 0)
-    verges, areas = [], []
-    for low, high in itertools.pairwise(edges_dpt):
-        between = np.array([low if low > 0 else -np.inf, high])
-        layers = _take(scene, view, basis, between, complete=True, refinement=1)
-        verges.append(layers[0].vergence_dpt if layers else max(0.0, (low + high) / 2.0))
-        seen = _take(scene, view, basis, between, complete=False, refinement=1)
-        areas.append(float(seen[0].coverage.sum()) if seen else 0.0)
+    edges = edges_dpt.copy()
+    edges[0] = edges[0] if edges[0] > 0 else -np.inf
+    verges = [max(0.0, float(low + high) / 2.0) for low, high in itertools.pairwise(edges_dpt)]
+    areas = [0.0] * len(verges)
+    depths = Depths(edges_dpt, verges, areas)
+    for complete in (True, False):
+        for layer in take_layers(scene, view, basis, edges, complete=complete, refinement=1):
+            if complete:
+                verges[depths.number_of(layer)] = layer.vergence_dpt
+            else:
+                areas[depths.number_of(layer)] = float(layer.coverage.sum())
     return verges, areas

@@ -16,11 +16,15 @@ from isetcl.retina.grid import RetinalGrid
 _SHIFT_TOLERANCE = 0.05
 
 
-def onto_retina(radiance: np.ndarray, view: ViewGrid, wavelength_nm: float) -> np.ndarray:
+def onto_retina(
+    radiance: np.ndarray, view: ViewGrid, wavelength_nm: float, whole: RetinalGrid
+) -> np.ndarray:
     """Blurred radiance at the retinal pixels: moved by lateral colour, averaged over samples.
 
     A retinal point receives another direction at each wavelength. The blurred view is looked up
-    there, linearly between samples, and averaged over the samples of a pixel.
+    there, linearly between samples, and averaged over the samples of a pixel. Nothing is moved
+    where all of the image that the view is part of, of the pixels `whole`, moves by next to
+    nothing.
     """
     from scipy.ndimage import map_coordinates
 
@@ -28,8 +32,8 @@ def onto_retina(radiance: np.ndarray, view: ViewGrid, wavelength_nm: float) -> n
     rows, columns = grid.shape
     inner = slice(view.margin, -view.margin) if view.margin else slice(None)
     x, y = view.x_deg()[inner], view.y_deg()[inner]
-    seen_x, seen_y, largest = _seen(grid, wavelength_nm, x, y)
-    if largest > _SHIFT_TOLERANCE * view.pitch_deg[0]:
+    if shift_deg(whole, wavelength_nm) > _SHIFT_TOLERANCE * view.pitch_deg[0]:
+        seen_x, seen_y = _seen(grid, wavelength_nm, x, y)
         column = (seen_x - view.x_deg()[0]) / view.pitch_deg[0]
         row = (view.y_deg()[0] - seen_y) / view.pitch_deg[1]
         samples = map_coordinates(radiance, [row, column], order=1, mode="nearest")
@@ -40,8 +44,8 @@ def onto_retina(radiance: np.ndarray, view: ViewGrid, wavelength_nm: float) -> n
 
 def _seen(
     grid: RetinalGrid, wavelength_nm: float, x_deg: np.ndarray, y_deg: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Directions (x, y) that retinal points see at a wavelength, and their largest shift, degrees.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (x, y) that retinal points see at a wavelength, degrees.
 
     The points have the labels of a grid of columns `x_deg` and rows `y_deg`.
     """
@@ -50,8 +54,7 @@ def _seen(
         x, y = np.meshgrid(x_deg, y_deg)
         at = np.stack([x.ravel(), y.ravel()], axis=1)
         both = fields_seen_deg(labels, own, at)
-        shift = float(np.max(np.linalg.norm(both - at, axis=1)))
-        return both[:, 0].reshape(x.shape), both[:, 1].reshape(x.shape), shift
+        return both[:, 0].reshape(x.shape), both[:, 1].reshape(x.shape)
     assert isinstance(labels, FieldMap)
     assert isinstance(own, FieldMap)
     field = np.linspace(0.0, grid.limit_deg, 65)
@@ -60,8 +63,7 @@ def _seen(
     ratio[1:] = seen[1:] / field[1:]
     ratio[0] = ratio[1]
     scale = np.interp(np.hypot(x_deg[None, :], y_deg[:, None]), field, ratio)
-    shift = float(np.max(np.abs(seen - field)))
-    return x_deg[None, :] * scale, y_deg[:, None] * scale, shift
+    return x_deg[None, :] * scale, y_deg[:, None] * scale
 
 
 def throughput(grid: RetinalGrid, wavelength_nm: float) -> np.ndarray:

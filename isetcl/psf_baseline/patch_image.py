@@ -118,7 +118,7 @@ class Job:
             if self.scatter is not None and spread is not None:
                 veiled = np.tensordot(mix, spread, axes=1)
                 radiance = (1.0 - self.scatter.fraction) * radiance + veiled
-            return onto_retina(radiance, view, wavelength)
+            return onto_retina(radiance, view, wavelength, self.grid)
 
         count = len(self.wavelengths_nm)
         if count == 1 or WORKERS == 1:

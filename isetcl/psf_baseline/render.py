@@ -59,7 +59,7 @@ from isetcl.version import __version__
 
 SLICINGS = ("auto", "hard", "soft")
 
-_TILE_BYTES = 0.9e9
+_TILE_BYTES = 1.6e9
 _LEAST_TILE = 64  # pixels
 _LARGEST_REACH_DEG = 2.0
 
@@ -115,8 +115,8 @@ def render(
         ``"centre"``; ``"patches"``: PSFs change across the image, made at so many nodes a side
         that those interpolated between them err by `psf_error`; or the number of nodes a side.
     psf_error
-        Largest error of interpolated PSFs, the L1 distance of kernels: the largest error in units
-        of the range of radiance.
+        Largest error of interpolated PSFs, half the L1 distance of kernels: no image value is
+        farther off in units of the range of radiance.
     psf_cache
         Whether PSFs are kept on disk; see `PsfBank`.
     layers
@@ -154,7 +154,7 @@ def render(
     if isinstance(scene, Scene):
         _check_emission_only(scene)
     check_field(field)
-    check_between("psf_error", psf_error, 1e-4, 2.0)
+    check_between("psf_error", psf_error, 1e-4, 1.0)
     oversampling = check_count("oversampling", oversampling, 1, 8)
     check_choice("slicing", slicing, SLICINGS)
     if pupil_samples is not None:

@@ -8,7 +8,9 @@ layer can be had with or without what hides it.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
@@ -21,7 +23,7 @@ from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
 from isetcl.scene.mesh import Mesh
 from isetcl.scene.model import Scene, SceneObject, Shape
-from isetcl.scene.view import COINCIDENT, intersect, outline_points, weights
+from isetcl.scene.view import COINCIDENT, Hits, intersect, outline_points, weights
 from isetcl.units import MM_PER_M
 
 Layers = Literal["auto"] | int | Sequence[float]
@@ -270,11 +272,18 @@ def take_layers(
     rows, columns = view.shape
     count = len(edges_dpt) - 1
     found = np.zeros((count, len(basis.spectra) + 2, rows, columns), dtype=np.float32)
-    for top in range(0, rows, _ROWS_AT_ONCE):
+
+    def take(top: int) -> None:
         block = slice(top, top + _ROWS_AT_ONCE)
         x, y = np.meshgrid(view.x_deg(), view.y_deg()[block])
         surfaces = _surfaces(scene, view.grid, basis, x, y)
-        found[:, :, block] = _by_layer(surfaces, edges_dpt, complete, x.shape, len(basis.spectra))
+        taken = _by_layer(surfaces, edges_dpt, complete, x.shape, len(basis.spectra))
+        for k in np.flatnonzero(taken[:, -2].any(axis=(1, 2))):
+            # Zeros that are never written take no memory.
+            found[k, :, block] = taken[k]
+
+    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+        list(pool.map(take, range(0, rows, _ROWS_AT_ONCE)))
     if refinement > 1:
         rays_across = np.where(_has_edge(found[:, :-1]), refinement, 0)
         for item in scene.objects:
@@ -374,7 +383,12 @@ def _surfaces(
     for item, coefficients in zip(scene.objects, basis.objects, strict=True):
         hits = intersect(item.shape, origin, directions)
         vergence = _vergence(hits.distance_m, origin, directions)
-        surfaces.append((vergence, weights(item, hits) @ coefficients))
+        seen = vergence >= 0.0
+        if seen.any():
+            colour = np.zeros((*x.shape, coefficients.shape[1]))
+            parts = (hits.distance_m, hits.u, hits.v, hits.is_front)
+            colour[seen] = weights(item, Hits(*(part[seen] for part in parts))) @ coefficients
+            surfaces.append((vergence, colour))
     if scene.background is not None:
         colour = np.broadcast_to(basis.background, (*x.shape, len(basis.background)))
         surfaces.append((np.zeros(x.shape), colour))
@@ -403,9 +417,12 @@ def _by_layer(
     for k, (vergence, _) in enumerate(surfaces):
         closer = _is_closer(vergence, nearest)
         nearest, first = np.where(closer, vergence, nearest), np.where(closer, k, first)
+    ranges = [(float(v[v >= 0].min(initial=np.inf)), float(v.max())) for v, _ in surfaces]
     for i in range(count):
         best = np.full(shape, -1.0)
         for k, (vergence, tint) in enumerate(surfaces):
+            if ranges[k][0] > edges_dpt[i + 1] or ranges[k][1] <= edges_dpt[i]:
+                continue
             here = (vergence > edges_dpt[i]) & (vergence <= edges_dpt[i + 1])
             here &= _is_closer(vergence, best)
             if not complete:
