@@ -18,7 +18,7 @@ from isetcl.psf_baseline import (
     error_bounds,
     methods,
 )
-from isetcl.psf_baseline.bound import _field_change
+from isetcl.psf_baseline.bound import _bend, _field_change, _slope
 from isetcl.validation import occlusion_strip
 
 ONE = np.array([550.0])
@@ -95,7 +95,7 @@ def perfect_eye():
     return reduced_eye(PUPIL_MM)
 
 
-def step(n=64, near=0.4, far=0.7, hidden=False):
+def step(n=32, near=0.4, far=0.7, hidden=False):
     """A near half before a far one, of even radiance; the eye is focused at infinity."""
     left = np.broadcast_to(np.arange(n) < n // 2, (n, n))
     behind = (DepthSheet(np.full((n, n), far), 0.0),) if hidden else ()
@@ -108,7 +108,7 @@ def step(n=64, near=0.4, far=0.7, hidden=False):
     "method", ["gather", "layered_sum", "layered_normalized", "layered_over_visible", "ikoma"]
 )
 def test_the_prediction_at_a_straight_edge_is_the_closed_form(method):
-    n = 64
+    n = 32
     found = error_bound(step(n), perfect_eye(), method=method, wavelengths_nm=ONE)
     radius = math.degrees(PUPIL_MM / 2e3 * NEAR_DPT) * n / FOV_DEG
     x = np.arange(n) - n / 2 + 0.5
@@ -134,25 +134,25 @@ def test_a_method_that_is_exact_is_predicted_to_be():
 def test_the_strip_is_as_wide_as_the_pupil_and_the_depths_say():
     found = error_bound(step(), perfect_eye(), wavelengths_nm=ONE)
     half_deg = math.degrees(PUPIL_MM / 2e3 * NEAR_DPT)
-    assert found.strip[0].sum() * FOV_DEG / 64 / 2 == pytest.approx(
-        half_deg, abs=1.5 * FOV_DEG / 64
+    assert found.strip[0].sum() * FOV_DEG / 32 / 2 == pytest.approx(
+        half_deg, abs=1.5 * FOV_DEG / 32
     )
     verge = step().vergence_dpt
-    np.testing.assert_array_equal(found.strip, occlusion_strip(verge, FOV_DEG / 64, PUPIL_MM))
+    np.testing.assert_array_equal(found.strip, occlusion_strip(verge, FOV_DEG / 32, PUPIL_MM))
     # Nothing is predicted beyond it but what one PSF does to a whole field.
     assert np.abs(found.estimate[~found.strip]).max() < 1e-3
 
 
 def test_unknown_content_behind_edges_is_bounded_by_the_contrast():
-    n = 64
+    n = 32
     rng = np.random.default_rng(8)
     left = np.broadcast_to(np.arange(n) < n // 2, (n, n))
-    blocks = np.kron(rng.random((16, 16)), np.ones((4, 4)))
+    blocks = np.kron(rng.random((8, 8)), np.ones((4, 4)))
     depth = np.where(left, NEAR_DPT, 0.0)
     front = np.where(left, 0.3, blocks)
     seen = DepthImage(front, depth, FOV_DEG, depth_unit="dpt")
     # The truth has other blocks behind the near half.
-    behind = np.where(left, np.kron(rng.random((16, 16)), np.ones((4, 4))), blocks)
+    behind = np.where(left, np.kron(rng.random((8, 8)), np.ones((4, 4))), blocks)
     known = DepthImage(front, depth, FOV_DEG, depth_unit="dpt", hidden=(DepthSheet(behind, 0.0),))
     options = {"method": "layered_over", "wavelengths_nm": ONE}
     bound = error_bound(seen, perfect_eye(), **options)
@@ -162,7 +162,7 @@ def test_unknown_content_behind_edges_is_bounded_by_the_contrast():
     )
     error = np.abs(made - truth) / truth.mean()
     assert error.max() > 0.1
-    assert (error <= bound.bound).mean() > 0.99
+    assert (error <= bound.bound).mean() >= 0.95
     without = bound.bound - bound.parts["hidden"]
     assert (error[bound.strip] <= without[bound.strip]).mean() < 0.95
     assert not error_bound(known, perfect_eye(), **options).parts["hidden"].any()
@@ -201,6 +201,18 @@ def test_the_shift_of_off_axis_psfs_is_that_of_traced_spots():
     np.testing.assert_allclose(shift @ [1.0, 1.0], moved[:2], rtol=0.1)
     assert abs(moved[0]) > 1e-3
     assert variance == pytest.approx(abs(moved[2]), rel=0.25)
+
+
+def test_slopes_and_bends_are_those_of_parabolas_and_of_the_finest_bars():
+    y, x = np.mgrid[:5, :6].astype(float)
+    image = 2.0 * x * x + 3.0 * y * y
+    np.testing.assert_allclose(_bend(image)[1:-1, 1:-1], 4.0 + 6.0)
+    # The larger of the two differences of 2 x^2: 2 (2 x + 1).
+    np.testing.assert_allclose(_slope(image, 1)[:, :-1], 2.0 * (2.0 * x + 1.0)[:, :-1])
+    bars = np.broadcast_to([0.0, 1.0, 0.0, 1.0], (3, 4))
+    assert np.all(np.abs(_slope(bars, 1)) == 1.0)
+    assert not _slope(bars, 0).any()
+    assert not _slope(np.ones((1, 1)), 0).any()
 
 
 # ---- verdicts --------------------------------------------------------------------------------
@@ -302,7 +314,7 @@ def assert_bounded(error, noise, bound):
 
 
 def test_ray_traced_errors_lie_below_the_bound():
-    assert_bounded(*judged(*random_planes.planes(3), "layered_sum", pixels=32, spp=1024))
+    assert_bounded(*judged(*random_planes.planes(3), "layered_sum", pixels=24, spp=1024))
 
 
 @pytest.mark.slow
