@@ -15,6 +15,9 @@ prediction itself may be wrong by, each part from its cause:
 * hidden: of a picture without hidden layers, the share of the pupil that sees what is hidden, times
   the range of the farther radiances within reach: what is hidden is like what is seen beside it;
 * agreement: 0.2 % of each pixel, what methods and ray tracing agree to on flat scenes.
+
+Not in it: detail of two or three pixels in focus, which the samples of a view and the pixels of a
+ray tracer render a little differently; diffraction and scatter.
 """
 
 from __future__ import annotations
