@@ -306,6 +306,7 @@ def bumpy(height_mm=0.1):
     return changed(eye, retina=retina)
 
 
+@pytest.mark.slow
 def test_a_relief_on_a_tilted_retina_lies_on_the_surface_that_rays_meet():
     plain = bumpy()
     place = Placement((0.3, -0.2), (3.0, -4.0), 20.0)

@@ -206,6 +206,7 @@ def test_the_paper_s_values():
     assert (across[0], along[0]) == (pytest.approx(0.4), pytest.approx(0.8))
 
 
+@pytest.mark.slow
 def test_vacuum_bends_are_wider_by_the_index():
     s, n = 0.3, 1.336
     wide = Hurb("iset3d", 1.4, "vacuum")
