@@ -16,6 +16,7 @@ import numpy as np
 from common import interleave, save, show
 
 import isetcl as ic
+from isetcl.device.eye_features import EyeFeatures
 from isetcl.render import sobol
 from isetcl.render.direct import DirectPipeline
 from isetcl.render.plan import Plan, plan
@@ -64,6 +65,15 @@ def used_variants() -> dict[str, Plan]:
     }
 
 
+OF_OTHER_EYES = {f.name for f in dataclasses.fields(EyeFeatures)} - {"has_conics"} | {
+    "has_asymmetry",
+    "has_relief",
+    "has_scatter",
+}
+"""Features that cannot stand unused in another eye: the records they read would be empty. What they
+cost is measured by `surfaces.py` and `gradients.py`."""
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=9)
@@ -73,7 +83,9 @@ def main() -> None:
     switches = [
         f.name
         for f in dataclasses.fields(base.config)
-        if f.name.startswith("has_") and not getattr(base.config, f.name)
+        if f.name.startswith("has_")
+        and f.name not in OF_OTHER_EYES
+        and not getattr(base.config, f.name)
     ]
     for switch in switches:
         needs = {"has_textured_spheres": {"has_spheres": True}}.get(switch, {})
