@@ -21,6 +21,7 @@ from isetcl.errors import (
 from isetcl.eye import catalog as eyes
 from isetcl.eye.bending.ray_bending import Hurb
 from isetcl.eye.files.load import load_eye
+from isetcl.eye.gradient import PolynomialGradient, PolynomialMedium, ShellGradient, ShellMedium
 from isetcl.eye.media import (
     AbbeDispersion,
     ConstantIndex,
@@ -128,6 +129,8 @@ __all__ = [
     "Placement",
     "Plan",
     "PointLight",
+    "PolynomialGradient",
+    "PolynomialMedium",
     "Quad",
     "RayBundle",
     "RayStatus",
@@ -138,6 +141,8 @@ __all__ = [
     "Scene",
     "SceneObject",
     "SellmeierDispersion",
+    "ShellGradient",
+    "ShellMedium",
     "SpectacleLens",
     "SpectralCube",
     "Spectrum",
