@@ -67,3 +67,26 @@ def shared_kernels(monkeypatch, request):
         )
 
     monkeypatch.setattr(plan, "decide_features", generous)
+
+
+DOUBLE_IS_SLOW = {
+    "test_cutouts",
+    "test_direct",
+    "test_instances",
+    "test_lamps",
+    "test_lights",
+    "test_materials",
+    "test_paths",
+    "test_pinhole",
+    "test_textures_on_paths",
+}
+"""Images in double precision come from the same sources with another type, and building the kernels
+takes most of the time. Rays, functions of kernels and shapes of eyes are tested in both."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    for item in items:
+        parameters = item.callspec.params if hasattr(item, "callspec") else {}
+        if item.path.stem in DOUBLE_IS_SLOW and parameters.get("precision") == "double":
+            item.add_marker(pytest.mark.slow)

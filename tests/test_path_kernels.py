@@ -239,6 +239,7 @@ def test_no_scene_makes_pixels_that_are_no_numbers(name, precision):
         assert film.min() >= 0
 
 
+@pytest.mark.slow
 def test_what_is_compiled_in_without_need_changes_nothing(request):
     """The kernels of a plan, and those that tests share, give the same image to rounding."""
     scenes = {name: make() if callable(make) else make for name, make in SHARED.items()}

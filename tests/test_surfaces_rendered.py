@@ -53,7 +53,13 @@ def planned(eye, **options):
     return plan(scene, eye, **{"fov_deg": 5.0, "resolution": 16, "bands": 2} | options)
 
 
-@pytest.mark.parametrize("feature", list(eyes()))
+@pytest.mark.parametrize(
+    "feature",
+    [
+        name if name == "has_biconics" else pytest.param(name, marks=pytest.mark.slow)
+        for name in eyes()
+    ],
+)
 def test_a_plan_compiles_in_what_an_eye_needs_and_says_why(feature):
     eye = eyes()[feature]
     prepared = planned(eye)
