@@ -72,6 +72,7 @@ def shared_kernels(monkeypatch, request):
 DOUBLE_IS_SLOW = {
     "test_cutouts",
     "test_direct",
+    "test_gradients",
     "test_instances",
     "test_lamps",
     "test_lights",
@@ -81,7 +82,7 @@ DOUBLE_IS_SLOW = {
     "test_textures_on_paths",
 }
 """Images in double precision come from the same sources with another type, and building the kernels
-takes most of the time. Rays, functions of kernels and shapes of eyes are tested in both."""
+takes most of the time. Rays, functions of kernels and surfaces are tested in both every time."""
 
 
 @pytest.hookimpl(tryfirst=True)

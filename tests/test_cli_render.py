@@ -54,6 +54,7 @@ def test_a_target_becomes_an_image_and_a_picture(isetcl, tmp_path):
     assert sorted(p.name for p in (tmp_path / "o").iterdir()) == ["retina.nc", "retina.png"]
 
 
+@pytest.mark.slow
 def test_layers_are_written_as_data_and_pictures(isetcl, tmp_path):
     assert isetcl("letters_at_depth", *TINY, "--layers", "-o", "o")[0] == 0
     assert {p.name for p in (tmp_path / "o").iterdir()} == {

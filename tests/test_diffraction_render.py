@@ -253,7 +253,11 @@ def test_the_default_compiles_no_bends():
 
 @pytest.mark.parametrize(
     ("eye", "resolution", "chosen"),
-    [(PERFECT, 128, "airy"), (ic.eyes.navarro(2.0), 128, "iset3d"), (PERFECT, 2, "none")],
+    [
+        (PERFECT, 128, "airy"),
+        pytest.param(ic.eyes.navarro(2.0), 128, "iset3d", marks=pytest.mark.slow),
+        pytest.param(PERFECT, 2, "none", marks=pytest.mark.slow),
+    ],
 )
 def test_auto_takes_what_comes_nearest_to_the_exact_transfer(eye, resolution, chosen):
     prepared = plan(empty_scene(), eye, fov_deg=2.0, resolution=resolution, diffraction="auto")

@@ -205,6 +205,7 @@ def test_six_steps_a_half_bring_liou_brennan_to_1e_8_um_in_double_precision(want
     assert waves < 1e-7
 
 
+@pytest.mark.slow
 def test_steep_shells_need_more_steps(wanted):
     eye = shell_eye(7.0)
     assert steps_of(eye, "single") == [8, 8]

@@ -100,6 +100,7 @@ def forest(count, seed=0):
     ]
 
 
+@pytest.mark.slow
 def test_a_thousand_instances_are_the_flattened_forest():
     mesh = ball_mesh(1)
     maps = forest(1000)
@@ -205,6 +206,7 @@ def test_surfaces_do_not_shadow_themselves_however_large_they_are(size, kind):
     np.testing.assert_allclose(found, 0.5 / np.pi, rtol=tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.slow)])
 def test_pixels_look_at_what_rays_meet_on_the_host(precision):
     """Dark instances among bodies of different light, by chief rays."""

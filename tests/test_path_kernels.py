@@ -73,6 +73,7 @@ def film_of(is_fused, precision="single", samples=16):
     return pipeline.sample(tile, samples, 7)
 
 
+@pytest.mark.slow
 @BOTH
 @FEW
 def test_stages_give_the_image_of_the_one_kernel(precision):

@@ -376,6 +376,7 @@ def test_a_light_field_is_dark_from_behind_and_lights_a_wall():
     assert a[0] == pytest.approx(b[0], abs=4 * np.hypot(a[1], b[1]) + 1e-3 * b[0])
 
 
+@pytest.mark.slow
 @pytest.mark.own_kernels
 def test_pictures_are_read_as_wide_as_the_ray(monkeypatch):
     """A floor of random texels: far away a pixel covers many, near by it does not cover one.

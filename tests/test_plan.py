@@ -35,6 +35,7 @@ def test_a_simple_scene_needs_little():
     assert "every refracting surface is a sphere" in text
 
 
+@pytest.mark.slow
 def test_every_feature_is_found_when_it_is_needed():
     white = ic.Spectrum.equal_energy()
     picture = ic.Image(np.random.default_rng(0).random((8, 8, 3)))

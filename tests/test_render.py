@@ -720,6 +720,7 @@ def test_light_that_no_sample_found_is_no_success():
     assert image.provenance["samples_per_pixel"] >= 1024
 
 
+@pytest.mark.slow
 def test_the_error_of_an_accurate_image_covers_its_bands():
     """A target of 0.2 % needs more bands than half-pixel displacement does."""
     scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
