@@ -63,7 +63,7 @@ def test_the_perfect_mtf_is_the_overlap_of_two_discs(airy_front):
     assert (transfer.x_cpd[n], transfer.y_cpd[n]) == (0.0, 0.0)
     for orientation in (0.0, 37.0, 90.0, None):
         np.testing.assert_allclose(transfer.mtf(f, orientation), expected, atol=1e-3)
-    # Facts 2.10, 3 mm.
+    # Watson 2013, 3 mm.
     np.testing.assert_allclose(transfer.mtf([10, 30, 60], 0.0), [0.8665, 0.6055, 0.2544], atol=1e-3)
     np.testing.assert_allclose(transfer.ptf_deg([10, 30], 45.0), 0.0, atol=1e-6)
 
@@ -122,7 +122,7 @@ def test_peak_is_found_wherever_it_lies():
 def test_navarro_s_strehl_and_mtf_agree_with_another_program(
     diameter_mm, on_retina, best, defocus_dpt, mtf
 ):
-    # Facts 2.8, 550 nm, pupil by real rays (agreement, not proof).
+    # Another program, 550 nm, pupil by real rays (agreement, not proof).
     front = real_entrance_pupil("navarro", diameter_mm).wavefront(samples=88)
     assert front.strehl() == pytest.approx(on_retina, abs=1.5e-3)
     found = best_focus_dpt(front)

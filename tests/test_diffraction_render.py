@@ -126,7 +126,7 @@ def test_the_paper_s_hurb_is_wider_by_the_index_of_the_aqueous():
     assert np.all(np.abs(found - expected) < 4 * error + 0.003)
 
 
-# Facts on validation, 2.8: Navarro, V-weighted over 410 to 700 nm, best at 20 cycles/deg; HURB with
+# Another program: Navarro, V-weighted over 410 to 700 nm, best at 20 cycles/deg; HURB with
 # the paper's axes; entrance pupil, gamma, then 5 10 20 30 60 cycles/deg.
 POLYCHROMATIC = (
     pytest.param(2.0, 1.0, (0.861, 0.721, 0.495, 0.340, 0.113), marks=pytest.mark.slow),

@@ -17,7 +17,7 @@ from isetcl.eye.bending.airy import (
 )
 from isetcl.eye.bending.ray_bending import Airy, Hurb, bend, diffraction_model, to_disc
 
-# Facts on validation, HURB: OTF at s = .1 .2 .3 .4 .5 .6 .8, peak over Airy's, energy within the
+# Another program: OTF at s = .1 .2 .3 .4 .5 .6 .8, peak over Airy's, energy within the
 # first dark ring.
 SHARES = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8])
 EXACT = (0.8729, 0.7471, 0.6238, 0.5046, 0.3910, 0.2848, 0.1041)
@@ -101,7 +101,7 @@ def test_the_best_gamma_is_the_published_one(axes, gamma, rms):
 
 
 def test_the_airy_pattern_s_shares():
-    # Facts on validation, 2.12.
+    # Born & Wolf 8.5.2: 1 - J0^2 - J1^2.
     zeros = special.jn_zeros(1, 3)
     assert zeros[0] == pytest.approx(FIRST_ZERO, rel=1e-15)
     np.testing.assert_allclose(1 - share_beyond(zeros), [0.8378, 0.9099, 0.9376], atol=5e-5)

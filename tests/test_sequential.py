@@ -21,7 +21,7 @@ def test_collimated_rays_reproduce_the_40_digit_references():
 
 
 def test_a_ray_of_zemax_is_followed_through_every_surface():
-    # facts: Navarro, 550 nm, parallel ray at y; z from the posterior lens vertex (7.6 mm).
+    # Navarro, 550 nm, parallel ray at y; z from the posterior lens vertex (7.6 mm).
     eye = ic.eyes.navarro(4.0)
     retina = ic.Retina.from_radius(7.6 + 16.32, -12.0)
     eye = ic.Eye("zemax", eye.surfaces, eye.stop, retina)

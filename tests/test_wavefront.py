@@ -70,7 +70,7 @@ def mp_to_sphere(path, index, centre, radius):
 @pytest.mark.parametrize("distance_m", [0.05, 0.4, 20.0, 1e6, 1e9, math.inf])
 @pytest.mark.parametrize("field_deg", [(0.0, 0.0), (12.0, -20.0)])
 def test_opd_is_right_to_1e_8_waves_at_every_distance(distance_m, field_deg):
-    # NUMERICS row 23: against rays of 50 digits that start at the object.
+    # Against rays of 50 digits that start at the object.
     eye = ic.eyes.navarro(5.0)
     front = eye.wavefront(field_deg, 550.0, object_distance_m=distance_m, samples=16)
     source = ObjectPoint(eye, field_deg, 550.0, distance_m)
@@ -85,7 +85,7 @@ def test_opd_is_right_to_1e_8_waves_at_every_distance(distance_m, field_deg):
 
 
 def test_a_million_metres_is_infinity():
-    # NUMERICS row 21.  W differs by p^2 / (2 D) = 2e-6 um.
+    # W differs by p^2 / (2 D) = 2e-6 um.
     eye = ic.eyes.navarro(4.0)
     far, infinite = (
         eye.wavefront(10.0, object_distance_m=d, samples=16).opd_um for d in (1e6, math.inf)
@@ -225,7 +225,7 @@ def test_turning_the_field_turns_everything():
     up = ic.eyes.navarro(3.0).wavefront((0.0, 9.0), samples=32)
     right = ic.eyes.navarro(3.0).wavefront((9.0, 0.0), samples=32)
     np.testing.assert_allclose(np.rot90(up.opd_um, -1), right.opd_um, atol=1e-9)
-    # Mirror symmetry about the meridian of the field (NUMERICS row 34).
+    # Mirror symmetry about the meridian of the field.
     np.testing.assert_allclose(up.opd_um, up.opd_um[:, ::-1], atol=1e-10)
     assert up.zernike().coefficient_um(3, -1) == pytest.approx(
         right.zernike().coefficient_um(3, 1), abs=1e-7
@@ -288,7 +288,7 @@ def test_best_focus_reference_finds_the_image_of_a_perfect_eye():
 
 
 def test_fields_beyond_90_deg_and_extreme_pupils_are_traced():
-    # NUMERICS rows 18 and 20: W stays mirror symmetric and smooth there.
+    # W stays mirror symmetric and smooth there.
     for diameter in (0.1, 8.0):
         front = ic.eyes.navarro(diameter).wavefront(0.0, samples=32)
         np.testing.assert_allclose(front.opd_um, front.opd_um[::-1], atol=1e-9)

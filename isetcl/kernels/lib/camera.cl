@@ -14,7 +14,7 @@
 #include "lib/refraction.cl"
 
 /* aimed - directs a ray and weighs it: (n'/n)^2 A cos(retina) cos(pupil) / d^2, the irradiance per
- * unit radiance times the inverse of the density 1/A.  Source: DESIGN, "The life of one ray", 8;
+ * unit radiance times the inverse of the density 1/A.  Source: Born & Wolf, 4.8;
  * the index factor is conservation of basic radiance.
  *
  * ray          direction out, of length n
