@@ -63,7 +63,7 @@ def test_the_perfect_mtf_is_the_overlap_of_two_discs(airy_front):
     assert (transfer.x_cpd[n], transfer.y_cpd[n]) == (0.0, 0.0)
     for orientation in (0.0, 37.0, 90.0, None):
         np.testing.assert_allclose(transfer.mtf(f, orientation), expected, atol=1e-3)
-    # Watson 2013, 3 mm.
+    # (2 / pi)(acos u - u sqrt(1 - u^2)) at 10, 30, 60 of 95.2 cycles/degree (3 mm, 550 nm).
     np.testing.assert_allclose(transfer.mtf([10, 30, 60], 0.0), [0.8665, 0.6055, 0.2544], atol=1e-3)
     np.testing.assert_allclose(transfer.ptf_deg([10, 30], 45.0), 0.0, atol=1e-6)
 
