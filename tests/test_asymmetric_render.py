@@ -145,6 +145,7 @@ def test_turning_eye_and_scene_by_a_right_angle_turns_the_picture():
     assert np.sqrt(np.mean((two - one) ** 2)) > 0.05 * turned.max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "precision"),
     [

@@ -194,6 +194,7 @@ def test_a_long_sum_is_continued_in_float64():
     np.testing.assert_allclose(whole, expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_of_coincident_shapes_the_first_is_seen(precision):
     first = quad(1.0, 0.1, ic.Emission(RED), "first")
     second = quad(1.0, 0.1, ic.Emission(BLUE), "second")
@@ -219,6 +220,7 @@ def test_of_coincident_shapes_the_first_is_seen(precision):
         np.testing.assert_allclose(image.irradiance, alone.irradiance, rtol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e6])
 def test_scaling_a_distant_scene_leaves_directions_alone(scale, precision):
     # A sphere around the eye at any size fills the field: nothing is lost or enlarged.

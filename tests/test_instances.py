@@ -54,6 +54,7 @@ LIGHTS = (ic.PointLight((-0.5, 0.3, 0.2), UNIT),)
 FLOOR = ic.SceneObject("floor", ic.Quad((-2, -0.06, -3), (0, 0, 4), (4, 0, 0)), HALF)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("look", LOOKS)
 @pytest.mark.parametrize("where", MAPS)
 def test_an_instance_is_the_mesh_in_place(where, look):

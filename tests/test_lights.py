@@ -336,6 +336,7 @@ def test_sides_of_a_two_sided_surface_are_its_own():
             assert radiance_of(scene, spp=16)[0] == pytest.approx(albedo, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_lamps_without_light_do_no_harm():
     """No power, no area, an all-black picture, and a black sky: the rest is seen as ever."""
     flat = ic.Mesh([[0, 0, 1], [1, 0, 1], [2, 0, 1], [3, 0, 1]], [[0, 1, 2], [1, 2, 3]])
