@@ -441,3 +441,18 @@ def test_an_index_step_of_a_millionth_bends_by_the_law_of_sines(device, precisio
     found = np.arctan2(rays.directions[:, 0], rays.directions[:, 2])
     expected = np.arcsin(n * np.sin(angle) / after)
     assert found == pytest.approx(expected, abs={"single": 3e-7, "double": 1e-14}[precision])
+
+
+def test_light_takes_as_long_back_as_forth():
+    """From the cornea to the retina and back, to 1e-9 waves."""
+    eye = ic.eyes.navarro(8.0)
+    rng = np.random.default_rng(2)
+    origins = np.column_stack([rng.uniform(-2.0, 2.0, (40, 2)), np.full(40, -1.0)])
+    pointing = np.column_stack([rng.uniform(-0.1, 0.1, (40, 2)), np.ones(40)])
+    pointing /= np.linalg.norm(pointing, axis=1, keepdims=True)
+    there = ic.trace_rays(eye, origins, pointing, 550.0)
+    outside = np.linalg.norm(there.hits_mm[0] - origins, axis=1)
+    back = ic.trace_rays(eye, there.positions_mm, -there.directions, 550.0, towards="scene")
+    both = there.passed & back.passed
+    assert both.sum() > 30
+    assert (there.opl_mm - outside)[both] == pytest.approx(back.opl_mm[both], abs=1e-9 * 550e-6)
