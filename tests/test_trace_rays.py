@@ -9,6 +9,7 @@ from test_sequential import hard_rays
 
 import isetcl as ic
 from isetcl.device.tracer import RayTracer
+from isetcl.errors import InvalidInputError
 from isetcl.eye.prescription import Element, ElementKind, elements
 from isetcl.eye.rays import RayStatus
 from isetcl.eye.sequential import intersect, trace_elements
@@ -456,3 +457,10 @@ def test_light_takes_as_long_back_as_forth():
     both = there.passed & back.passed
     assert both.sum() > 30
     assert (there.opl_mm - outside)[both] == pytest.approx(back.opl_mm[both], abs=1e-9 * 550e-6)
+
+
+def test_a_tracer_refuses_what_is_not_compiled_into_it(device):
+    tracer = RayTracer(device, "single")
+    rays = tracer.upload(np.array([[0.0, 0.0, -1.0]]), np.array([[0.0, 0.0, 1.0]]))
+    with pytest.raises(InvalidInputError, match="without has_polynomial_gradients"):
+        tracer.prepare(rays, elements(ic.eyes.liou_brennan(), 550.0), "retina")

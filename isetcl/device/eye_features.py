@@ -112,6 +112,13 @@ class EyeFeatures:
             gradient_degree=max([2, *(profile.degree for profile in polynomials)]),
         )
 
+    def missing(self, sequences: Iterable[tuple[Element, ...]]) -> list[str]:
+        """Names of the fields that elements need and that are not here."""
+        needed = EyeFeatures.of(sequences)
+        return [
+            f.name for f in fields(EyeFeatures) if getattr(needed, f.name) > getattr(self, f.name)
+        ]
+
     def eye_feature_defines(self) -> dict[str, int]:
         """The #defines, one for every field."""
         return {f.name.upper(): int(getattr(self, f.name)) for f in fields(EyeFeatures)}

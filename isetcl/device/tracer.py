@@ -12,6 +12,7 @@ from isetcl.device.devices import Device
 from isetcl.device.elements import declarations, pack_eye
 from isetcl.device.eye_features import EyeFeatures
 from isetcl.device.layout import Precision, real_dtype
+from isetcl.errors import InvalidInputError
 from isetcl.eye.prescription import Element
 from isetcl.eye.rays import RayBundle
 from isetcl.eye.sequential import Towards
@@ -73,6 +74,7 @@ class RayTracer:
         self._record_directions = record_directions
         self._record_opl = record_opl and precision == "double"
         self._shared_direction = shared_direction
+        self._features = features
         defines = device.defines(precision, vector_width)
         self._width = defines["WIDTH"]
         defines |= features.eye_feature_defines() | {
@@ -107,7 +109,19 @@ class RayTracer:
         return self._device.upload(array)
 
     def prepare(self, rays: DeviceRays, sequence: tuple[Element, ...], towards: Towards) -> Trace:
-        """Allocate the results of a trace of `rays` through elements in travel order."""
+        """Allocate the results of a trace of `rays` through elements in travel order.
+
+        Raises
+        ------
+        InvalidInputError
+            If the elements have something that is not compiled into this tracer.
+        """
+        missing = self._features.missing([sequence])
+        if missing:
+            raise InvalidInputError(
+                f"this tracer was built without {', '.join(missing)}, which its elements need; "
+                "pass features=EyeFeatures.of([sequence])"
+            )
         return Trace(self, rays, sequence, towards)
 
 
