@@ -83,7 +83,7 @@ from isetcl.scene.texture import Checkerboard, Grid, Image, load_image
 from isetcl.spectrum import Spectrum
 from isetcl.version import __version__
 
-_LAZY_MODULES = ("psf_baseline", "validation")
+_LAZY_MODULES = ("cones", "psf_baseline", "validation")
 
 __all__ = [
     "AbbeDispersion",
@@ -157,6 +157,7 @@ __all__ = [
     "ZernikeSag",
     "__version__",
     "blackbody",
+    "cones",
     "display_primaries",
     "eyes",
     "glass",

@@ -22,6 +22,7 @@ ORDER = (
     {"cones"},
     {"validation"},
     {"plots"},
+    {"figures"},
     {"report"},
     {"distributed"},
     {"cli_scene", "cli_tables"},

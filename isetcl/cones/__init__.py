@@ -1,0 +1,1 @@
+"""Cones: receptors, their mosaic, and what they catch of a retinal image."""
