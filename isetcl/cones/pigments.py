@@ -21,7 +21,10 @@ PIGMENT_RANGE_NM = {"cie_170": (390.0, 830.0), "stockman_rider_2023": (360.0, 85
 """Wavelengths each model was published for."""
 
 MACULAR_PEAK_DENSITY = 0.35
-"""Density of the macular pigment at 460 nm in the fovea. Stockman & Sharpe 2000."""
+"""Density of the macular pigment in the fovea, at its peak. ISETBio's default."""
+
+MACULAR_PEAK_OVER_460_NM = 0.352114450093 / 0.35
+"""The peak, at 458 nm, over the value at 460 nm that CIE 170-1 names. Its own table."""
 
 # Lorentzian in eccentricity, deg^2, as ISETBio fits Putnam & Bland 2014, Fig. 2B: half at 1.90 deg.
 _MACULAR_HALF_DEG2 = 3.6028
@@ -105,9 +108,10 @@ def macular_density(
     peak_density: float = MACULAR_PEAK_DENSITY,
     model: PigmentModel = "cie_170",
 ) -> np.ndarray:
-    """Density of macular pigment whose value at 460 nm is `peak_density`, (wavelengths,).
+    """Density of macular pigment whose peak, at 458 nm, is `peak_density`, (wavelengths,).
 
-    Tables of CIE 170-1:2006 (Bone, Landrum & Cairns 1992), or the template of Stockman & Rider 2023.
+    Tables of CIE 170-1:2006 (Bone, Landrum & Cairns 1992), or the template of Stockman & Rider
+    2023.
 
     Raises
     ------
@@ -122,7 +126,12 @@ def macular_density(
         density = template_macular_density(grid)
     else:
         density = np.interp(grid, _table()[:, 0], _table()[:, 5])
-    return np.asarray(density * (peak_density / MACULAR_PEAK_DENSITY))
+    return np.asarray(density * (peak_density / (0.35 * MACULAR_PEAK_OVER_460_NM)))
+
+
+def standard_lens_density(wavelengths_nm: np.ndarray) -> np.ndarray:
+    """Density of the lens of CIE 170-1:2006 at 32 years, every nm from 390, (wavelengths,)."""
+    return np.interp(wavelengths_nm, _table()[:, 0], _table()[:, 4])
 
 
 def macular_fraction(eccentricity_deg: np.ndarray | float) -> np.ndarray:
@@ -135,10 +144,10 @@ def macular_fraction(eccentricity_deg: np.ndarray | float) -> np.ndarray:
 
 
 def field_size_densities(field_deg: float) -> tuple[tuple[float, float, float], float]:
-    """Optical densities of L, M and S, and the peak density of macular pigment, of a field's size.
+    """Optical densities of L, M and S, and the macular pigment's peak density, of a field's size.
 
-    CIE 170-1:2006, for fields of 1 to 10 degrees: 0.38 + 0.54 exp(-d/1.333) for L and M, 0.30 + 0.45
-    exp(-d/1.333) for S, 0.485 exp(-d/6.132) for the macular pigment.
+    CIE 170-1:2006, for fields of 1 to 10 degrees: 0.38 + 0.54 exp(-d/1.333) for L and M, 0.30 +
+    0.45 exp(-d/1.333) for S, 0.485 exp(-d/6.132) for the macular pigment at 460 nm.
     """
     if not 1.0 <= field_deg <= 10.0:
         raise InvalidInputError(
@@ -146,4 +155,6 @@ def field_size_densities(field_deg: float) -> tuple[tuple[float, float, float], 
         )
     fall = float(np.exp(-field_deg / 1.333))
     long = 0.38 + 0.54 * fall
-    return (long, long, 0.30 + 0.45 * fall), 0.485 * float(np.exp(-field_deg / 6.132))
+    return (long, long, 0.30 + 0.45 * fall), 0.485 * MACULAR_PEAK_OVER_460_NM * float(
+        np.exp(-field_deg / 6.132)
+    )

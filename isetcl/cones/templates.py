@@ -1,4 +1,4 @@
-"""Absorbance of receptors by published formulas: Fourier templates of human cones, and Govardovskii's.
+"""Absorbance of receptors by published formulas: Fourier templates of cones, and Govardovskii's.
 
 Stockman & Rider 2023, Color Res Appl 48:818, fit Fourier series to the log absorbance against log
 wavelength, so that a spectrum shifts with its peak without changing its shape. Coefficients: their
@@ -87,8 +87,8 @@ def _log_absorbance(template: _Template, nm: np.ndarray, shift_nm: float) -> np.
 def template_absorbance(cone: str, wavelengths_nm: np.ndarray, shift_nm: float = 0.0) -> np.ndarray:
     """Low-density absorbance of the cone ``"L"``, ``"M"`` or ``"S"``, peak 1, (wavelengths,).
 
-    `shift_nm` moves the peak, nm. ``"L"`` is the mean observer's: 56 % of the pigments with serine at
-    position 180, the others with alanine, 2.7 nm shorter. ``"L_ser"`` and ``"L_ala"`` are the two.
+    `shift_nm` moves the peak, nm. ``"L"`` is the mean observer's: 56 % of the pigments with serine
+    at position 180, the others with alanine, 2.7 nm shorter; ``"L_ser"`` and ``"L_ala"`` are these.
     """
     if cone == "L":
         parts = [template_absorbance(f"L_{k}", wavelengths_nm, shift_nm) for k in ("ser", "ala")]
@@ -97,14 +97,12 @@ def template_absorbance(cone: str, wavelengths_nm: np.ndarray, shift_nm: float =
     if cone in ("L_ser", "L_ala"):
         template = _CONES["L"]
         shift_nm = shift_nm + (_ALANINE_SHIFT_NM if cone == "L_ala" else 0.0)
-        return np.asarray(
-            10.0 ** _log_absorbance(template, wavelengths_nm, shift_nm) / _L_SER_PEAK
-        )
+        return np.asarray(10.0 ** _log_absorbance(template, wavelengths_nm, shift_nm) / _L_SER_PEAK)
     return np.asarray(10.0 ** _log_absorbance(_CONES[cone], wavelengths_nm, shift_nm))
 
 
 def template_macular_density(wavelengths_nm: np.ndarray) -> np.ndarray:
-    """Density of the macular pigment, 0.35 at 460 nm, zero outside 375 to 550 nm, (wavelengths,)."""
+    """Density of the macular pigment, 0.35 at 460 nm, zero outside 375 to 550 nm."""
     x = (wavelengths_nm - _MACULAR_RANGE_NM[0]) / _MACULAR_SCALE_NM
     density = _MACULAR_FACTOR * _fourier(_MACULAR, x)
     return _within(wavelengths_nm, _MACULAR_RANGE_NM, density)
