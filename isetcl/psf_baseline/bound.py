@@ -404,6 +404,7 @@ def _even_front(scene: PinholeView | DepthImage) -> DepthImage | None:
         alpha=covered.astype(np.float64),
         centre_deg=(float(x[0] + x[-1]) / 2.0, float(y[0] + y[-1]) / 2.0),
         depth_unit="dpt",
+        projection="angular",
     )
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
-from isetcl.psf_baseline.depth_image import DepthImage, DepthUnit
+from isetcl.psf_baseline.depth_image import DepthImage, DepthKind, DepthUnit, Projection
 from isetcl.scene.display import Display
 from isetcl.scene.pbrt.pictures import FLOAT_SUFFIXES, read_floats
 from isetcl.scene.texture import Image, load_image
@@ -70,6 +70,8 @@ def load_depth_image(
     *,
     depth_unit: DepthUnit = "m",
     depth_scale: float | None = None,
+    depth_kind: DepthKind = "z",
+    projection: Projection = "perspective",
     display: Display | None = None,
     **options: Any,
 ) -> DepthImage:
@@ -82,7 +84,7 @@ def load_depth_image(
         are linear light, NPY of an unsigned type codes.
     depth, depth_scale
         As `path` and `scale` of `load_depth`.
-    fov_deg, depth_unit, display
+    fov_deg, depth_unit, depth_kind, projection, display
         As of a `DepthImage`.
     options
         `alpha`, `hidden`, `centre_deg`, `name` of a `DepthImage`.
@@ -105,6 +107,8 @@ def load_depth_image(
         load_depth(depth, depth_scale),
         fov_deg,
         depth_unit=depth_unit,
+        depth_kind=depth_kind,
+        projection=projection,
         display=display,
         **options,
     )

@@ -8,15 +8,9 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice, check_type
 from isetcl.eye.model import Eye
+from isetcl.psf_baseline.borders import BORDERS, Border
 from isetcl.psf_baseline.depth_image import DepthImage, Picture
-from isetcl.psf_baseline.picture_stack import (
-    BORDERS,
-    HIDDEN,
-    Border,
-    Hidden,
-    PictureStack,
-    Sheet,
-)
+from isetcl.psf_baseline.picture_stack import HIDDEN, Hidden, PictureStack, Sheet
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.pinhole_view import PinholeView
 from isetcl.scene.basis import SpectralBasis
@@ -43,6 +37,9 @@ def image_grid(
 ) -> RetinalGrid:
     """The pixels of an image; what is None is that of the picture, 10 deg and 256 for a scene.
 
+    Of a picture in perspective it is the largest image about its middle that it fills: its corners
+    lie nearer than its width and height in degrees tell.
+
     Raises
     ------
     InvalidInputError
@@ -58,6 +55,8 @@ def image_grid(
         left, top, (width, height), (rows, columns) = _window(source)
         own_fov, own_resolution = (columns * width, rows * height), (columns, rows)
         own_centre = (left + own_fov[0] / 2.0, top - own_fov[1] / 2.0)
+        if isinstance(source, DepthImage):
+            own_fov = source.even_fov_deg
     return RetinalGrid.of(
         eye,
         own_fov if fov_deg is None else fov_deg,
@@ -126,7 +125,10 @@ def picture_stack(
         spectra, sheets = _of_image(source, wavelengths_nm)
         name, digest = source.name, source.digest()
     basis = SpectralBasis(spectra, np.zeros(len(spectra)), ())
-    return PictureStack(name, digest, left, top, pitch, basis, tuple(sheets), border, hidden)
+    camera = source.camera if isinstance(source, DepthImage) else None
+    return PictureStack(
+        name, digest, left, top, pitch, basis, tuple(sheets), border, hidden, camera
+    )
 
 
 def _window(

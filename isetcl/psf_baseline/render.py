@@ -26,6 +26,7 @@ from isetcl.eye.people.ocular_media import OcularMedia, transmittance_or_one
 from isetcl.eye.people.scatter import ScatterModel
 from isetcl.memory import available_bytes, check_memory
 from isetcl.psf_baseline.bank import PsfBank, check_field
+from isetcl.psf_baseline.borders import Border
 from isetcl.psf_baseline.depth_image import DepthImage
 from isetcl.psf_baseline.depths import plan_depths
 from isetcl.psf_baseline.methods import Method, methods
@@ -38,7 +39,7 @@ from isetcl.psf_baseline.picture_source import (
     image_wavelengths,
     picture_stack,
 )
-from isetcl.psf_baseline.picture_stack import Border, Hidden, PictureStack
+from isetcl.psf_baseline.picture_stack import Hidden, PictureStack
 from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.psf_cache import PsfCache
 from isetcl.psf_baseline.psfs import PsfKind
