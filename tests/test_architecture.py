@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parent.parent / "isetcl"
 # Imports only go down this list.
 ORDER = (
     {"version"},
-    {"errors", "units", "memory", "spectrum", "data"},
+    {"errors", "units", "memory", "output", "spectrum", "data"},
     {"eye"},
     {"scene"},
     {"device", "kernels"},
@@ -26,7 +26,7 @@ ORDER = (
     {"report"},
     {"distributed"},
     {"cli_scene", "cli_tables"},
-    {"cli_eye"},
+    {"cli_eye", "cli_figures"},
     {"cli_render"},
     {"cli"},
 )

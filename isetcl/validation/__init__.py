@@ -1,6 +1,7 @@
 """How far an image is from the truth, and what it cost."""
 
 from isetcl.retina.depth_edges import occlusion_strip
+from isetcl.validation import stats
 from isetcl.validation.comparison import Comparison, Trial, compare
 from isetcl.validation.occlusion import (
     OcclusionError,
@@ -16,4 +17,5 @@ __all__ = [
     "compare",
     "occlusion_error",
     "occlusion_strip",
+    "stats",
 ]
