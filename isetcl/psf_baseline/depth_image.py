@@ -175,25 +175,6 @@ class DepthImage:
         wide, high = self._any_camera.half_tangents
         return width, width * high / wide
 
-    @functools.cached_property
-    def camera(self) -> Camera | None:
-        """What took a picture in perspective; None where its pixels are even field angles."""
-        if self.projection == "angular":
-            return None
-        found = self._any_camera
-        return found if found.farthest_from_even() > _EVEN_PX else None
-
-    @property
-    def even_fov_deg(self) -> tuple[float, float]:
-        """Size of the largest image of even field angles about the middle that it fills."""
-        width, height = self.fov_deg  # type: ignore[misc]
-        if self.camera is not None:
-            return self.camera.inner_fov_deg()
-        if self.projection == "angular":
-            return width, height
-        wide, high = self._any_camera.half_tangents
-        return width, width * high / wide
-
     @property
     def maps(self) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
         """Vergence (1/m) and alpha of every sheet, each (rows, columns)."""
