@@ -135,8 +135,8 @@ class Camera:
         """Share of each pixel in each sample of even field angles, (samples, pixels), sparse.
 
         What a sample covers of the picture is taken as an upright box through the middles of its
-        four sides. Its slant is left out: at most 4 % of its width at 20 degrees from the middle and
-        9 % at 30, on the diagonals.
+        four sides. Its slant is left out: at most 4 % of its width at 20 degrees from the middle
+        and 9 % at 30, on the diagonals.
 
         Parameters
         ----------

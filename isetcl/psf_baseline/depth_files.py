@@ -101,7 +101,7 @@ def load_depth_image(
     check_type("picture", picture, (str, Path))
     file = Path(picture)
     options.setdefault("name", file.name)
-    light = _light(file, display)
+    light = read_light(file, display)
     return DepthImage(
         light,
         load_depth(depth, depth_scale),
@@ -114,8 +114,14 @@ def load_depth_image(
     )
 
 
-def _light(file: Path, display: Display | None) -> Image | np.ndarray:
-    """A photograph as a `DepthImage` takes it."""
+def read_light(file: Path, display: Display | None) -> Image | np.ndarray:
+    """A photograph as a `DepthImage` takes it.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
     if not file.is_file():
         raise FileError(f"image file {str(file)!r} does not exist")
     suffix = file.suffix.lower()

@@ -134,7 +134,7 @@ class DepthImage:
             )
         shape = self.shape
         for k, sheet in enumerate(self.sheets):
-            found = _picture_shape(self._which(k), sheet.picture)
+            found = picture_shape(self._which(k), sheet.picture)
             if found != shape:
                 raise InvalidInputError(
                     f"{self._which(k)} must have {shape[0]} rows and {shape[1]} columns as the "
@@ -154,7 +154,7 @@ class DepthImage:
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
-        return _picture_shape(self._which(0), self.picture)
+        return picture_shape(self._which(0), self.picture)
 
     @functools.cached_property
     def camera(self) -> Camera | None:
@@ -350,7 +350,14 @@ class DepthImage:
             )
 
 
-def _picture_shape(what: str, picture: Picture) -> tuple[int, int]:
+def picture_shape(what: str, picture: Picture) -> tuple[int, int]:
+    """Rows and columns of a picture.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no picture.
+    """
     if isinstance(picture, SpectralCube):
         return picture.shape[:2]
     if isinstance(picture, Image):
