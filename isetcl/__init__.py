@@ -8,6 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from isetcl.device.fft import device_fft
 from isetcl.device.huygens import huygens_psf
 from isetcl.errors import (
     DeviceError,
@@ -158,6 +159,7 @@ __all__ = [
     "__version__",
     "blackbody",
     "cones",
+    "device_fft",
     "display_primaries",
     "eyes",
     "glass",
