@@ -284,7 +284,7 @@ def psf_baseline() -> str:
                     "M5 by `conv_psf_occlusion` of DeepLens (deeplens-core "
                     f"{peer['versions']['deeplens-core']}, torch {peer['versions']['torch']}), at "
                     f"one wavelength counted for all: {peer['deeplens_s']:.3g} s, by isetcl "
-                    f"{peer['blur_s']:.3g} s, with PSFs of {peer['kernel_samples']} samples a side; "
+                    f"{peer['blur_s']:.3g} s, PSFs of {peer['kernel_samples']} samples a side; "
                     f"largest difference {peer['largest_difference']:.1g} of the mean."
                 ]
                 if peer is not None
