@@ -8,14 +8,26 @@ from isetcl.validation.occlusion import (
     RegionError,
     occlusion_error,
 )
+from isetcl.validation.work_precision import (
+    Reference,
+    SceneMethod,
+    WorkMethod,
+    WorkPrecision,
+    work_precision,
+)
 
 __all__ = [
     "Comparison",
     "OcclusionError",
+    "Reference",
     "RegionError",
+    "SceneMethod",
     "Trial",
+    "WorkMethod",
+    "WorkPrecision",
     "compare",
     "occlusion_error",
     "occlusion_strip",
     "stats",
+    "work_precision",
 ]
