@@ -7,13 +7,17 @@ from isetcl.validation.occlusion import (
     RegionError,
     occlusion_error,
 )
+from isetcl.validation.slanted_edge import Edge, SlantedEdgeMtf, slanted_edge_mtf
 
 __all__ = [
     "Comparison",
+    "Edge",
     "OcclusionError",
     "RegionError",
+    "SlantedEdgeMtf",
     "Trial",
     "compare",
     "occlusion_error",
     "occlusion_strip",
+    "slanted_edge_mtf",
 ]
