@@ -21,7 +21,7 @@ are then as irregular as random packings are. With 0.68 there are a fifth more p
 so that the wanted number is met everywhere.
 """
 
-_CONES_OF_A_BAND = 2000
+_CONES_OF_A_BAND = 400
 _MOST_TRIES = 40
 
 

@@ -34,7 +34,7 @@ from isetcl.eye.model import Eye
 from isetcl.memory import check_memory
 from isetcl.version import __version__
 
-DISORDER = 0.14
+DISORDER = 0.16
 """Relative spread of the cones' sizes that makes 55 % of them six-sided, inside the fovea's rim.
 
 Measured at 0.2 to 1.05 mm: 40 to 50 % (Lombardo, Serrao, Ducoli & Lombardo 2013), which cones

@@ -147,7 +147,10 @@ def relaxed(
         Standard deviation of the logarithm of the sizes' factors.
     """
     random = np.random.default_rng([seed, 1])
-    factor = np.exp(disorder * random.standard_normal(len(places_mm)))
+    draws = random.standard_normal(len(places_mm) + 1)
+    # Differences of neighbours on a ring: their sum over many cones stays small, and so do the
+    # fluctuations of density over more than a few cones.
+    factor = np.exp(disorder * np.diff(draws) / math.sqrt(2.0))
     noise = random.standard_normal(places_mm.shape) * _spacing(per_mm2(places_mm))[:, None]
     noise *= _NOISE * min(disorder / _FULL_NOISE_FROM, 1.0)
     noise[is_fixed] = 0.0
