@@ -44,8 +44,9 @@ def test_the_image_is_averaged_over_the_aperture(precision, aperture):
     spacing = np.linspace(0.5, 10.0, 15)
     mosaic = mosaic_of(places, spacing_um=spacing, aperture=aperture)
     with pytest.warns(UserWarning, match="too coarse"):
-        found = mosaic.excitations(image, precision=precision).mean.values[0]
-        flat = mosaic.excitations(even, precision=precision).mean.values[0]
+        found = mosaic.excitations(image, precision=precision)
+    found = found.mean.values[0]
+    flat = mosaic.excitations(even, precision=precision).mean.values[0]
     x_mm, y_mm = image.dataset["x_mm"].values[0], image.dataset["y_mm"].values[:, 0]
     per_deg = [abs(mm[-1] - mm[0]) / (fov * (1 - 1 / len(mm))) for mm in (x_mm, y_mm)]
     reach = 2.6 if aperture == "gaussian" else 1.0

@@ -132,8 +132,8 @@ class LightCatch:
             raise InvalidInputError(
                 f"{count} of {len(self._mosaic)} receptors look beyond the image, which spans "
                 f"x {left:.4g} to {right:.4g} and y {bottom:.4g} to {top:.4g} deg; the mosaic "
-                f"spans x {x_low:.4g} to {x_high:.4g} and y {y_low:.4g} to {y_high:.4g} deg and the gaze "
-                f"moves by up to {np.abs(gaze_deg).max():.3g} deg; render a larger fov_deg or use "
+                f"spans x {x_low:.4g} to {x_high:.4g} and y {y_low:.4g} to {y_high:.4g} deg and the "
+                f"gaze moves by up to {np.abs(gaze_deg).max():.3g} deg; render a larger fov_deg or use "
                 "mosaic.within"
             )
 

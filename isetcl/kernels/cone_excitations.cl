@@ -10,15 +10,15 @@
 INLINE real share_below(real x) { return R(0.5) * erf(clamp(x, -REACH, REACH)); }
 #else
 #define REACH R(1.0)
-/* half_segment - (x sqrt(1 - x^2) + asin x) / 2: a quarter of the unit disc's area at most. */
-INLINE real half_segment(real x) {
+/* segment_area - (x sqrt(1 - x^2) + asin x) / 2: a quarter of the unit disc's area at most. */
+INLINE real segment_area(real x) {
   real inside = clamp(x, -R(1.0), R(1.0));
   return R(0.5) * (inside * sqrt(fmax(R(0.0), 1 - inside * inside)) + asin(inside));
 }
 
 /* corner_area - area of the unit disc to the left of x and below y.
  *
- * hx, hy   half_segment of x and y: area left of x is 2 hx + pi / 2
+ * hx, hy   segment_area of x and y: area left of x is 2 hx + pi / 2
  */
 INLINE real corner_area(real x, real y, real hx, real hy) {
   const real quarter = R(0.78539816339744830962);
@@ -34,7 +34,7 @@ INLINE real corner_area(real x, real y, real hx, real hy) {
 
 /* corner - share of the aperture to the left of x and below y, times a constant.
  *
- * of_x, of_y   half_segment, or share_below, of x and y
+ * of_x, of_y   segment_area, or share_below, of x and y
  */
 INLINE real corner(real x, real y, real of_x, real of_y) {
 #if HAS_GAUSSIAN
@@ -48,7 +48,7 @@ INLINE real of_edge(real x) {
 #if HAS_GAUSSIAN
   return share_below(x);
 #else
-  return half_segment(x);
+  return segment_area(x);
 #endif
 }
 
@@ -62,7 +62,7 @@ INLINE real of_edge(real x) {
  *
  * Returns the sum of the weights.
  */
-INLINE real add_strip(global const real *restrict irradiance, int columns, int row0, int row1,
+INLINE real add_strip(global const real8 *restrict irradiance, int columns, int row0, int row1,
                       int col0, int col1, real x, real y, real half_x, real half_y, real8 *sum) {
   real edge[STRIP + 1], weight_of[STRIP + 1], above[STRIP + 1];
   const int n = col1 - col0;
@@ -76,7 +76,7 @@ INLINE real add_strip(global const real *restrict irradiance, int columns, int r
     const real of_v = of_edge(v);
     real above_left = above[0], left = corner(edge[0], v, weight_of[0], of_v);
     above[0] = left;
-    global const real *pixel = irradiance + 8 * BLOCKS * ((size_t)(row - 1) * columns + col0);
+    global const real8 *pixel = irradiance + BLOCKS * ((size_t)(row - 1) * columns + col0);
     for (int i = 1; i <= n; ++i) {
       const real here = corner(edge[i], v, weight_of[i], of_v);
       const real weight = (here - left) - (above[i] - above_left);
@@ -86,7 +86,7 @@ INLINE real add_strip(global const real *restrict irradiance, int columns, int r
         continue;
       weights += weight;
       for (int b = 0; b < BLOCKS; ++b)
-        sum[b] += weight * vload8((i - 1) * BLOCKS + b, pixel);
+        sum[b] += weight * pixel[(i - 1) * BLOCKS + b];
     }
   }
   return weights;
@@ -102,9 +102,9 @@ INLINE real add_strip(global const real *restrict irradiance, int columns, int r
  * shifts       of each frame: columns, rows by which apertures move over the image
  * excitations  out: frames x receptors
  */
-kernel void cone_excitations(global const real *restrict irradiance, const int rows,
+kernel void cone_excitations(global const real8 *restrict irradiance, const int rows,
                              const int columns, global const real4 *restrict apertures,
-                             global const real *restrict efficiency,
+                             global const real8 *restrict efficiency,
                              global const real *restrict shifts, const int n_receptors,
                              global real *restrict excitations) {
   const size_t receptor = get_global_id(0), frame = get_global_id(1);
@@ -125,7 +125,7 @@ kernel void cone_excitations(global const real *restrict irradiance, const int r
                          aperture.z, aperture.w, sum);
   real8 caught = 0;
   for (int b = 0; b < BLOCKS; ++b)
-    caught += sum[b] * vload8(receptor * BLOCKS + b, efficiency);
+    caught += sum[b] * efficiency[receptor * BLOCKS + b];
   const real4 part = caught.lo + caught.hi;
   excitations[frame * n_receptors + receptor] =
       ((part.x + part.y) + (part.z + part.w)) / weights;
