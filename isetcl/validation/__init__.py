@@ -2,22 +2,28 @@
 
 from isetcl.retina.depth_edges import occlusion_strip
 from isetcl.validation.comparison import Comparison, Trial, compare
+from isetcl.validation.measured_tca import MeasuredTca, measured_tca
 from isetcl.validation.occlusion import (
     OcclusionError,
     RegionError,
     occlusion_error,
 )
 from isetcl.validation.slanted_edge import Edge, SlantedEdgeMtf, slanted_edge_mtf
+from isetcl.validation.three_mtfs import ThreeMtfs, three_mtfs
 
 __all__ = [
     "Comparison",
     "Edge",
+    "MeasuredTca",
     "OcclusionError",
     "RegionError",
     "SlantedEdgeMtf",
+    "ThreeMtfs",
     "Trial",
     "compare",
+    "measured_tca",
     "occlusion_error",
     "occlusion_strip",
     "slanted_edge_mtf",
+    "three_mtfs",
 ]
