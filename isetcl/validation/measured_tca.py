@@ -1,4 +1,4 @@
-"""Transverse chromatic aberration as a retinal image shows it: where a bright line lies, by colour."""
+"""Transverse chromatic aberration as an image shows it: where a bright line lies, by colour."""
 
 from __future__ import annotations
 

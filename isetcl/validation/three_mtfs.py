@@ -137,12 +137,14 @@ def three_mtfs(
         Weight of every wavelength; None is V(lambda), for light of equal energy.
     model
         ``"geometric"``: rays alone, in all three. ``"diffraction"``: the renderer bends rays at the
-        stop ("airy"), rays of a point are convolved with the pattern of the pupil, and the wavefront
-        is what it is. The first two are approximations there.
+        stop ("airy"), rays of a point are convolved with the pattern of the pupil, and the
+        wavefront is what it is. The first two are approximations there: they know no interference
+        between aberrated rays.
     largest_cpd
         Highest frequency, cycles/degree: half a cycle per pixel of the image.
     field_deg
-        Distance of the edge's middle from the axis along the edge, degrees: the section is sagittal.
+        Distance of the edge's middle from the axis along the edge, degrees: the section is
+        sagittal.
     object_distance_m
         Distance of the edge from the corneal vertex; infinity is 1e6 m.
     edge_angle_deg
