@@ -304,9 +304,10 @@ def _check_clipped(found: EdgeFit, image: np.ndarray, name: str) -> None:
     values = image[found.pixels]
     spread = found.spline(values)
     low, high = _sides(found, spread)
-    outer = found.distance * np.sign(high - low) > _OUTER * found.reach
-    scatter = float(np.std(values - spread(found.distance)))
-    check_not_clipped(values[outer], name, scatter > _NOISY * abs(high - low))
+    away = found.distance * np.sign(high - low) / found.reach
+    outer = np.abs(away) > _OUTER
+    scatter = float(np.std((values - spread(found.distance))[outer]))
+    check_not_clipped(values[away > _OUTER], name, scatter > _NOISY * abs(high - low))
 
 
 def _normal(found: EdgeFit) -> np.ndarray:

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from isetcl.validation.slanted_edge import SlantedEdgeMtf
+    from isetcl.validation.three_mtfs import ThreeMtfs
 
 
 def draw_slanted_edge(found: SlantedEdgeMtf, ax: Axes | None = None) -> Axes:
@@ -38,5 +39,35 @@ def draw_slanted_edge(found: SlantedEdgeMtf, ax: Axes | None = None) -> Axes:
         )
     dress(axes, f"spatial frequency ({unit})", "modulation transfer")
     axes.set(xlim=(0.0, float(frequency[-1])), ylim=(0.0, 1.05))
+    axes.legend(fontsize="small", frameon=False)
+    return axes
+
+
+def draw_three_mtfs(found: ThreeMtfs, ax: Axes | None = None) -> Axes:
+    """Transfer from the rendered edge with a band of two standard errors, rays and wavefront."""
+    axes = axes_or_new(ax)
+    f, error = found.frequency_cpd, 2.0 * found.slanted_edge_error
+    axes.fill_between(
+        f,
+        found.slanted_edge - error,
+        found.slanted_edge + error,
+        color=FIELD_COLOURS[0],
+        alpha=0.25,
+        lw=0,
+    )
+    names = {
+        "geometric": ("slanted edge, rendered", "line spread of rays", "wavefront, its normals"),
+        "diffraction": (
+            "slanted edge, rendered with bent rays",
+            "line spread of rays x diffraction",
+            "wavefront",
+        ),
+    }[found.model]
+    axes.plot(f, found.slanted_edge, color=FIELD_COLOURS[0], lw=3.0, alpha=0.75, label=names[0])
+    axes.plot(f, found.line_spread, color=FIELD_COLOURS[1], lw=1.6, ls="--", label=names[1])
+    axes.plot(f, found.wavefront, color="black", lw=1.1, ls=":", label=names[2])
+    dress(axes, "spatial frequency (cycles/degree)", "modulation transfer")
+    axes.set(xlim=(0.0, float(f[-1])), ylim=(0.0, 1.05))
+    axes.set_title(found.light, fontsize="medium")
     axes.legend(fontsize="small", frameon=False)
     return axes
