@@ -72,7 +72,8 @@ def compare(
     """
     from rich.console import Console
 
-    from isetcl.report import check_folder, write_report
+    from isetcl.output import check_folder
+    from isetcl.report import write_report
     from isetcl.validation import compare as run
 
     field = _field(fov, near_image is not None)

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from zmx_files import ISET3D, NAVARRO, TILTED
+from zmx_files import ISET3D, NAVARRO, TILTED, as_opticstudio_writes
 
 import isetcl as ic
 from isetcl.eye.sequential import trace
@@ -202,6 +202,22 @@ def test_a_zemax_file_of_navarro_s_eye_is_his_eye(tmp_path, encoding):
     assert eye.power_dpt(543.0) == pytest.approx(60.7242, abs=0.06)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-8", "latin-1"])
+def test_what_opticstudio_writes_besides_changes_nothing(tmp_path, encoding):
+    text = as_opticstudio_writes()
+    assert "\r\nMNUM 2 1\r\n" in text
+    assert "\r\n  SCBD" in text
+    got = ic.load_eye(written(tmp_path, text, encoding=encoding))
+    assert got == ic.load_eye(written(tmp_path, NAVARRO))
+
+
+def test_comments_of_an_older_encoding_are_read(tmp_path):
+    text = NAVARRO.replace("COMM cornea back", "COMM Hornhaut r\xfcckw\xe4rts")
+    eye = ic.load_eye(written(tmp_path, text, encoding="latin-1"))
+    assert len(eye.surfaces) == 4
+    assert eye.surfaces[1].name.startswith("Hornhaut r")
+
+
 def test_a_zemax_eye_can_be_changed_and_given_another_pupil(tmp_path):
     file = written(tmp_path, NAVARRO)
     assert ic.load_eye(file, pupil_diameter_mm=2.0).stop.diameter_mm == 2.0
@@ -377,6 +393,14 @@ def swap(old, new, count=1):
         (swap("  DISZ 4\n", "  DISZ 17\n").replace("16.3203", "-1"), "retina must lie behind"),
         (swap("  STOP\n", ""), r"one stop surface \(STOP\), got 0"),
         (swap("  STOP\n", "  STOP\n  SQAP 1 1 0\n"), "line 33: SQAP is an aperture that cannot"),
+        (
+            swap("  STOP\n", "  STOP\n  OBDC 0.5 0\n"),
+            "line 33: OBDC shifts the aperture of surface 3, which cannot be read; decentre",
+        ),
+        (
+            swap("  CONI -3.1316\n", "  CONI -3.1316\n  SCBD 1 0 0 0 0 9.0E+01 0 0\n"),
+            "line 43: SCBD tilts or decentres surface 4 in its properties, which cannot be read",
+        ),
         (swap("DIAM 1.5 1", "DIAM 0 1"), "stop must have a semi-diameter; pass pupil_diameter_mm"),
         (
             swap("___BLANK 1 0 1.42011 46.38", "LENS 0 0 1.5 40"),

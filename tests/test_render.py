@@ -11,6 +11,7 @@ import time
 import numpy as np
 import pytest
 from oracles import reduced_eye
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl import memory
@@ -636,7 +637,8 @@ def received_by_trial(eye, field_deg, wavelength_nm, *, count=400_000, seed=0):
 
 
 @pytest.mark.parametrize(
-    ("parameter", "field_deg"), [(9.0, 0.5), (9.0, 60.0), (10.0, 56.0), (4.0, 95.0), (6.0, 80.0)]
+    ("parameter", "field_deg"),
+    slow_after(1, [(10.0, 56.0), (9.0, 0.5), (9.0, 60.0), (4.0, 95.0), (6.0, 80.0)]),
 )
 def test_a_strongly_accommodated_eye_receives_all_its_light_at_wide_fields(parameter, field_deg):
     eye = ic.eyes.arizona(4.0, accommodation_parameter=parameter)

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.device.eye_features import EyeFeatures, ShapeKind, shape_kind
-from isetcl.device.gradients import kernel_steps, landing_rounds, landing_steps, profile_numbers
+from isetcl.device.gradients import (
+    is_smooth,
+    kernel_steps,
+    landing_rounds,
+    landing_steps,
+    profile_numbers,
+)
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.rays import RayStatus
@@ -22,6 +28,7 @@ ELEMENT = Struct(
     "element_t",
     (
         Member("kind", "int"),
+        Member("is_bending", "int"),
         Member("shape", "int"),
         Member("steps", "int"),
         Member("table", "int"),
@@ -61,10 +68,10 @@ ELEMENT = Struct(
 )
 """Constants of an element for one direction of travel, prepared in float64.
 
-`curvature` is that of the y section. `table` is where the numbers of its shape begin in the table
-of the eye; `columns` and `rows` say how many there are, `per_x` and `per_y` how many a mm.
-`gradient_incident` and `gradient_transmitted` are where the profiles of the media begin there, -1
-for homogeneous ones.
+`is_bending` says whether rays are bent there. `curvature` is that of the y section. `table` is
+where the numbers of its shape begin in the table of the eye; `columns` and `rows` say how many
+there are, `per_x` and `per_y` how many a mm. `gradient_incident` and `gradient_transmitted` are
+where the profiles of the media begin there, -1 for homogeneous ones.
 """
 
 SEARCH_STEPS = {
@@ -192,6 +199,7 @@ def _records(
     for record, e in zip(records, sequence, strict=True):
         n, n_next = (e.n_before, e.n_after) if towards == "retina" else (e.n_after, e.n_before)
         record["kind"] = e.kind
+        record["is_bending"] = e.is_bending and not is_smooth(e, precision)
         record["vertex_z"] = e.vertex_z_mm
         record["curvature"] = e.curvature
         record["kappa"] = 1.0 + e.conic

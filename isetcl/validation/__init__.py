@@ -8,14 +8,30 @@ from isetcl.validation.occlusion import (
     RegionError,
     occlusion_error,
 )
+from isetcl.validation.slanted_edge import Edge, SlantedEdgeMtf, slanted_edge_mtf
+from isetcl.validation.work_precision import (
+    Reference,
+    SceneMethod,
+    WorkMethod,
+    WorkPrecision,
+    work_precision,
+)
 
 __all__ = [
     "Comparison",
+    "Edge",
     "OcclusionError",
+    "Reference",
     "RegionError",
+    "SceneMethod",
+    "SlantedEdgeMtf",
     "Trial",
+    "WorkMethod",
+    "WorkPrecision",
     "compare",
     "occlusion_error",
     "occlusion_strip",
+    "slanted_edge_mtf",
     "stats",
+    "work_precision",
 ]
