@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from isetcl.device.eye_features import EyeFeatures
-from isetcl.device.gradients import gauss_step, kernel_steps, method_error_mm
+from isetcl.device.gradients import kernel_step, kernel_steps, method_error_mm
 from isetcl.eye.gradient import Gradient, PolynomialGradient, ShellGradient, ShellMedium
 from isetcl.eye.gradient_path import PlacedGradient, chord_rays, propagate
 from isetcl.eye.media import ConstantIndex, Medium
@@ -142,7 +142,7 @@ def _liou_brennan(bench: Bench) -> tuple[float, str]:
     error = _lens_error_um(bench, eye, 2.5)
     used = [kernel_steps(g, bench.precision) for g in _placed(eye)]
     six = max(
-        method_error_mm(g.profile, r, propagate(g.profile, *r, g.steps)[:2], 6)
+        method_error_mm(g.profile, r, propagate(g.profile, *r, g.steps)[:2], 6, "double")
         for g in _placed(eye)
         for r in [chord_rays(g)]
     )
@@ -173,11 +173,12 @@ def _order(bench: Bench) -> tuple[float, str]:
     rays = n[:, None] * np.stack([np.sin(tilt), 0.0 * tilt, np.cos(tilt)], axis=1)
     across = points[:, :2] * np.cos(a * span) + rays[:, :2] * np.sin(a * span) / a
     exact = np.append(across, rays[:, 2:] * span, axis=1)
-    errors = []
+    profile, errors = SquareRootGradient(), []
     for steps in (4, 8, 16):
         p, t = points, rays
         for _ in range(steps):
-            p, t = gauss_step(SquareRootGradient(), p, t, np.full(len(p), span / steps))  # type: ignore[arg-type]
+            h = np.full(len(p), span / steps)
+            p, t = kernel_step(profile, p, t, h, bench.precision)  # type: ignore[arg-type]
         errors.append(float(np.max(np.abs(p - exact))))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     return float(np.max(np.abs(orders - 6.0))), f"orders {orders[0]:.2f} and {orders[1]:.2f}"
@@ -232,7 +233,8 @@ def _split(bench: Bench) -> tuple[float, str]:
         for steps in counts:
             p, t = points, rays
             for _ in range(steps):
-                p, t = gauss_step(profile, p, t, np.full(len(p), span / steps))  # type: ignore[arg-type]
+                h = np.full(len(p), span / steps)
+                p, t = kernel_step(profile, p, t, h, "double")  # type: ignore[arg-type]
             found.append(p)
         return found
 
