@@ -8,6 +8,7 @@ from isetcl.validation.occlusion import (
     RegionError,
     occlusion_error,
 )
+from isetcl.validation.occlusion_study import OcclusionStudy, occlusion_study
 from isetcl.validation.work_precision import (
     Reference,
     SceneMethod,
@@ -19,6 +20,7 @@ from isetcl.validation.work_precision import (
 __all__ = [
     "Comparison",
     "OcclusionError",
+    "OcclusionStudy",
     "Reference",
     "RegionError",
     "SceneMethod",
@@ -28,6 +30,7 @@ __all__ = [
     "compare",
     "occlusion_error",
     "occlusion_strip",
+    "occlusion_study",
     "stats",
     "work_precision",
 ]
