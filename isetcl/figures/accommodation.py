@@ -9,7 +9,7 @@ import numpy as np
 
 from isetcl.errors import FocusError
 from isetcl.eye import catalog
-from isetcl.figures.blur import ObjectBlur, object_blurs, sharp_shapes
+from isetcl.figures.blur import ObjectBlur, object_blurs, sharp_view
 from isetcl.figures.pictures import blank, finish, letter, show_image
 from isetcl.figures.result import FigureResult, Row, states
 from isetcl.scene import targets
@@ -26,7 +26,6 @@ TITLE = "Accommodation"
 NUMERALS_M = {"100": 0.1, "200": 0.2, "300": 0.3}
 _PUPIL_MM = 4.0
 _LARGEST_PARAMETER = 10.0
-_NUMERALS = ["100", "125", "150", "175", "200", "300"]
 _RED_NM = np.arange(610.0, 651.0, 10.0)
 _GREEN_NM = np.arange(500.0, 541.0, 10.0)
 _MOST_BLUR_ARCMIN = 150.0
@@ -40,17 +39,21 @@ def accommodated(distance_m: float) -> Eye:
         return catalog.navarro(_PUPIL_MM, accommodation_parameter=_LARGEST_PARAMETER)
 
 
-def redness(image: RetinalImage) -> np.ndarray:
+def redness(image: RetinalImage) -> tuple[np.ndarray, np.ndarray]:
     """Long wavelengths less as much of middle ones as greys in the light of D65 have of both.
 
-    Only the red numerals have any: what stands behind them drops out. (rows, columns)
+    Only the red numerals have any: what stands behind them drops out, and so
+    does its noise, which all wavelengths share. With its standard error, each (rows, columns).
     """
     lamp = Spectrum.illuminant("D65").at(image.wavelengths_nm)
     long = np.isin(image.wavelengths_nm, _RED_NM)
     middle = np.isin(image.wavelengths_nm, _GREEN_NM)
-    values = image.irradiance.values.astype(np.float64)
     share = lamp[long].sum() / lamp[middle].sum()
-    return np.asarray(values[long].sum(axis=0) - share * values[middle].sum(axis=0))
+    value, error = (
+        np.asarray(part.values[long].sum(axis=0) - share * part.values[middle].sum(axis=0))
+        for part in (image.irradiance, image.standard_error)
+    )
+    return value, np.abs(error)
 
 
 def draw(folder: Path, quality: Quality) -> FigureResult:
@@ -58,19 +61,19 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     scene = targets.numbers_at_depth()
     view = {
         "fov_deg": (30.0, 30.0),
-        "resolution": quality.pick(72, 240),
+        "resolution": quality.pick(96, 240),
         "spp": quality.pick(16, 64),
     }
-    picture = blank(12.5, 4.5)
+    picture = blank(12.5, 4.9)
     panels = picture.subplots(1, 3)
     blurs: dict[str, list[ObjectBlur]] = {}
     for i, (focus, distance) in enumerate(NUMERALS_M.items()):
         eye = accommodated(distance)
         image = quality.render(scene, eye, **view)
         # The eye grows a little as it accommodates: each view has its own sharp one.
-        sharp = sharp_shapes(quality, scene, eye, _NUMERALS, **view)
+        sharp = sharp_view(quality, scene, eye, redness, **view)
         blurs[focus] = object_blurs(
-            redness(image), sharp, eye, NUMERALS_M, _MOST_BLUR_ARCMIN, _RED_NM
+            redness(image)[0], sharp, eye, NUMERALS_M, _MOST_BLUR_ARCMIN, _RED_NM
         )
         title = f"accommodated to {focus} mm"
         show_image(panels[i], image, title, white_point="D65", has_y_label=i == 0)

@@ -7,9 +7,8 @@ pixels of the object and its surroundings.
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from isetcl.units import ARCMIN_PER_DEG
 if TYPE_CHECKING:
     from isetcl.eye.model import Eye
     from isetcl.figures.quality import Quality
+    from isetcl.retina.image import RetinalImage
     from isetcl.scene.model import Scene
 
 SHARP_PUPIL_MM = 0.1
@@ -37,6 +37,11 @@ _OTF_RINGS = 20
 _WAVELENGTHS_NM = np.arange(430.0, 671.0, 40.0)
 
 
+def brightness(image: RetinalImage) -> tuple[np.ndarray, np.ndarray]:
+    """Illuminance of every pixel and its standard error, lux, each (rows, columns)."""
+    return image.brightness()
+
+
 @dataclass(frozen=True, eq=False)
 class SharpView:
     """A scene through a tiny pupil: where its objects are, and how they look without blur.
@@ -46,7 +51,7 @@ class SharpView:
     signal
         What is compared with the image, (rows, columns).
     variance
-        Of its noise, a number.
+        Of its noise, (rows, columns).
     masks
         By name of the object, the pixels that show it, (rows, columns).
     pitch_arcmin
@@ -54,29 +59,29 @@ class SharpView:
     """
 
     signal: np.ndarray
-    variance: float
+    variance: np.ndarray
     masks: dict[str, np.ndarray]
     pitch_arcmin: float
 
 
-def sharp_view(quality: Quality, scene: Scene, eye: Eye, **options: Any) -> SharpView:
-    """The scene on the grid of the options of `render`, without blur."""
+def sharp_view(
+    quality: Quality,
+    scene: Scene,
+    eye: Eye,
+    signal: Callable[[RetinalImage], tuple[np.ndarray, np.ndarray]] = brightness,
+    **options: Any,
+) -> SharpView:
+    """The scene on the grid of the options of `render`, without blur.
+
+    `signal` makes one number a pixel of an image, and its standard error.
+    """
     image = quality.render(scene, eye.with_pupil(SHARP_PUPIL_MM), layers=True, **options)
     numbers = image.dataset["object"].values
     masks = {item.name: numbers == i for i, item in enumerate(scene.objects)}
     x = image.dataset["x"].values
     pitch = float(abs(x[1] - x[0])) * ARCMIN_PER_DEG
-    lux, error = image.brightness()
-    return SharpView(lux.astype(np.float64), float(np.mean(error**2)), masks, pitch)
-
-
-def sharp_shapes(
-    quality: Quality, scene: Scene, eye: Eye, names: list[str], **options: Any
-) -> SharpView:
-    """The same where these objects are 1 and everything else is 0: shapes without noise."""
-    view = sharp_view(quality, scene, eye, **(options | {"spp": 2}))
-    shapes = np.any([view.masks[name] for name in names], axis=0)
-    return dataclasses.replace(view, signal=shapes.astype(np.float64), variance=0.0)
+    value, error = signal(image)
+    return SharpView(value.astype(np.float64), error.astype(np.float64) ** 2, masks, pitch)
 
 
 def blur_arcmin(seen: np.ndarray, sharp: SharpView, name: str, most_arcmin: float) -> float:
@@ -95,7 +100,7 @@ def blur_arcmin(seen: np.ndarray, sharp: SharpView, name: str, most_arcmin: floa
         If no pixel shows the object.
     """
     place = _Place.of(sharp, name, most_arcmin)
-    return place.best_disc(seen[place.window], sharp.variance) * sharp.pitch_arcmin
+    return place.best_disc(seen[place.window], sharp.variance[place.window]) * sharp.pitch_arcmin
 
 
 def expected_blur_arcmin(
@@ -115,7 +120,7 @@ def expected_blur_arcmin(
     nodes = np.linspace(0.0, float(place.frequency.max()), _OTF_NODES)
     transfer = _spot_transfer(eye, nodes / sharp.pitch_arcmin, distance_m, wavelengths_nm)
     seen = place.filtered(np.interp(place.frequency, nodes, transfer))
-    return place.best_disc(seen, 0.0) * sharp.pitch_arcmin
+    return place.best_disc(seen, np.zeros_like(seen)) * sharp.pitch_arcmin
 
 
 def _spot_transfer(
@@ -176,7 +181,7 @@ class _Place:
         """The sharp window after a transfer function."""
         return np.fft.irfft2(self.spectrum * transfer, s=self.judged.shape)
 
-    def best_disc(self, seen: np.ndarray, variance: float) -> float:
+    def best_disc(self, seen: np.ndarray, variance: np.ndarray) -> float:
         """Diameter in pixels of the disc that makes the window what is seen.
 
         A disc also smooths the noise of the sharp view; what that takes from the misfit is put
@@ -184,13 +189,13 @@ class _Place:
         """
         from scipy.optimize import minimize_scalar
 
-        truth = seen[self.judged]
+        truth, noise = seen[self.judged], float(variance[self.judged].sum())
 
         def misfit(log_diameter: float) -> float:
             transfer = disc_transfer(self.frequency * math.exp(log_diameter))
             blurred = self.filtered(transfer)[self.judged]
             gain = float(blurred @ truth) / float(blurred @ blurred)
-            kept = gain**2 * variance * truth.size * float(np.mean(transfer**2))
+            kept = gain**2 * noise * float(np.mean(transfer**2))
             return float(np.sum((truth - gain * blurred) ** 2)) - kept
 
         tries = np.linspace(math.log(_SMALLEST_PIXELS), math.log(self.most_pixels), _STEPS)

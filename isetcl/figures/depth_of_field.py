@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.eye import catalog
-from isetcl.figures.blur import ObjectBlur, object_blurs, sharp_view
+from isetcl.figures.blur import ObjectBlur, brightness, object_blurs, sharp_view
 from isetcl.figures.pictures import blank, finish, letter, show_image
 from isetcl.figures.result import FigureResult, Row, states
 from isetcl.scene import targets
@@ -61,8 +61,8 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     scene, distances = scene_and_distances()
     view = {
         "fov_deg": (30.0, 22.5),
-        "resolution": quality.pick((200, 150), (400, 300)),
-        "spp": quality.pick(4, 32),
+        "resolution": quality.pick((160, 120), (400, 300)),
+        "spp": quality.pick(8, 32),
     }
     eyes = {pupil: catalog.navarro(pupil, 1.0 / FOCUS_M) for pupil in PUPILS_MM}
     sharp = sharp_view(quality, scene, eyes[4.0], **view)
@@ -71,7 +71,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     blurs: dict[float, list[ObjectBlur]] = {}
     for i, (pupil, eye) in enumerate(eyes.items()):
         image = quality.render(scene, eye, **view)
-        blurs[pupil] = object_blurs(image.brightness()[0], sharp, eye, distances, _MOST_BLUR_ARCMIN)
+        blurs[pupil] = object_blurs(brightness(image)[0], sharp, eye, distances, _MOST_BLUR_ARCMIN)
         show_image(panels[i], image, f"pupil {pupil:g} mm", has_y_label=i == 0)
         _frame(panels[i], sharp.masks[PAWN], image.extent_deg)
         letter(panels[i], "ABC"[i])
