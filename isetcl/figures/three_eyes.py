@@ -52,9 +52,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     for i, (name, eye) in enumerate(eyes().items()):
         image = quality.render(scene, eye, **view)
         sharp = sharp_view(quality, scene, eye, **view)
-        blurs[name] = object_blurs(
-            brightness(image)[0], sharp, eye, DISTANCES_M, _MOST_BLUR_ARCMIN
-        )
+        blurs[name] = object_blurs(brightness(image)[0], sharp, eye, DISTANCES_M, _MOST_BLUR_ARCMIN)
         show_image(panels[i], image, f"{name} eye", has_y_label=i == 0)
         letter(panels[i], "ABC"[i])
     rows = [found.row(f"{name} eye") for name, row in blurs.items() for found in row]
