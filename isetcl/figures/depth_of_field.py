@@ -61,7 +61,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     scene, distances = scene_and_distances()
     view: dict[str, Any] = {
         "fov_deg": (30.0, 22.5),
-        "resolution": quality.pick((160, 120), (400, 300)),
+        "resolution": quality.pick((144, 108), (400, 300)),
         "spp": quality.pick(8, 32),
     }
     eyes = {pupil: catalog.navarro(pupil, 1.0 / FOCUS_M) for pupil in PUPILS_MM}

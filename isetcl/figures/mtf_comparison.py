@@ -66,7 +66,9 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     eye = catalog.navarro(PUPIL_MM)
     distance = best_distance_m(eye)
     spp = quality.pick(64, 192)
-    measured = {bend: edge_mtf(quality, eye, distance, bend, spp=spp) for bend in BENDS}
+    measured = {
+        bend: edge_mtf(quality, eye, distance, bend, spp=spp, wavelengths_nm=None) for bend in BENDS
+    }
     frequency = measured["iset3d"].frequency_cpd
     assert frequency is not None
     waves = eye.polychromatic_mtf(BAND_CPD, object_distance_m=distance)
