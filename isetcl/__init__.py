@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from isetcl.version import __version__
 
 if TYPE_CHECKING:
+    from isetcl.device.fft import device_fft
     from isetcl.device.huygens import huygens_psf
     from isetcl.errors import (
         DeviceError,
@@ -91,6 +92,7 @@ _MODULES = {
 """Public names of modules that are called otherwise where they are."""
 
 _PLACES = {
+    "isetcl.device.fft": ("device_fft",),
     "isetcl.device.huygens": ("huygens_psf",),
     "isetcl.errors": (
         "DeviceError",
@@ -249,6 +251,7 @@ __all__ = [
     "__version__",
     "blackbody",
     "cones",
+    "device_fft",
     "display_primaries",
     "eyes",
     "glass",

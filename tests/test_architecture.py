@@ -28,6 +28,7 @@ ORDER = (
     {"cli_scene", "cli_tables"},
     {"cli_eye", "cli_figures"},
     {"cli_render"},
+    {"cli_validate"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}

@@ -129,6 +129,23 @@ def test_a_gradient_of_zero_is_a_homogeneous_medium(precision):
     np.testing.assert_allclose(got.positions_mm, expected.positions_mm, rtol=0, atol=limit)
 
 
+def test_a_kernel_for_polynomials_of_a_higher_degree_sees_the_same_lens(device, precision):
+    sequence = elements(liou_eye(), LIOU_NM)
+    origins, directions = bundle(32, 2.0, 0.2)
+    own = EyeFeatures.of([sequence])
+    assert own.gradient_degree == 2
+    found = []
+    for features in (own, dataclasses.replace(own, gradient_degree=4)):
+        tracer = RayTracer(device, precision, features=features)
+        trace = tracer.prepare(tracer.upload(origins, directions), sequence, "retina")
+        trace.run()
+        found.append(trace.fetch())
+    assert found[0].passed.all()
+    assert found[1].passed.all()
+    limit = {"single": 1e-5, "double": 1e-12}[precision]
+    np.testing.assert_allclose(found[1].positions_mm, found[0].positions_mm, rtol=0, atol=limit)
+
+
 def test_liou_brennans_eye_agrees_with_a_method_of_order_8():
     origins, directions = bundle(24, 2.9, 0.2)
     hits, direction, path = oracle_hits(*oracle.liou_brennan(), origins, directions)

@@ -148,11 +148,21 @@ class PackedEye:
 
 
 def pack_eye(
-    sequences: Sequence[tuple[Element, ...]], towards: Towards, precision: Precision
+    sequences: Sequence[tuple[Element, ...]],
+    towards: Towards,
+    precision: Precision,
+    *,
+    gradient_degree: int | None = None,
 ) -> PackedEye:
-    """Elements in the order rays meet them, for one or several wavelengths."""
+    """Elements in the order rays meet them, for one or several wavelengths.
+
+    `gradient_degree` is that of the kernel, which sets how polynomials lie in the table; None for
+    one that is built for these elements.
+    """
     table = _Table()
     degree = EyeFeatures.of(sequences).gradient_degree
+    if gradient_degree is not None:
+        degree = gradient_degree
     records = [_records(sequence, towards, precision, table) for sequence in sequences]
     for sequence, of_sequence in zip(sequences, records, strict=True):
         for record, e in zip(of_sequence, sequence, strict=True):
