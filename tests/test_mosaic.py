@@ -1,5 +1,7 @@
 """Mosaics of receptors: what a mosaic is, and that what is made of it is what was asked for."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,7 @@ def hexagonal(spacing, n):
 @pytest.fixture
 def patch():
     rng = np.random.default_rng(1)
-    places = rng.uniform(-1.0, 1.0, (300, 2)) + (3.0, -2.0)
+    places = rng.uniform(-1.0, 1.0, (300, 2)) + np.array([3.0, -2.0])
     return ConeMosaic.from_positions(places, rng.integers(0, 3, 300), provenance={"seed": 1})
 
 
@@ -124,8 +126,10 @@ def test_receptors_that_cannot_be_are_refused(change, message):
 
 
 def test_an_eye_without_an_axis_is_no_scale():
-    with pytest.raises(InvalidInputError, match="axis of symmetry"):
-        RetinalScale.of(ic.eyes.navarro(3.0).with_fovea((5.0, 0.0)))
+    eye = ic.eyes.navarro(3.0)
+    retina = ic.Retina.ellipsoid(eye.retina.vertex_z_mm, (12.0, 11.5, 12.0))
+    with pytest.raises(InvalidInputError, match=r"axis of symmetry, and 'navarro.*retina"):
+        RetinalScale.of(dataclasses.replace(eye, retina=retina))
 
 
 def test_other_files_are_refused(tmp_path):

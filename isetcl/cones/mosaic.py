@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -30,6 +30,13 @@ from isetcl.errors import (
     check_vectors,
 )
 from isetcl.eye.model import Eye
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from isetcl.cones.excitations import Excitations
+    from isetcl.cones.quality import MosaicQuality
+    from isetcl.retina.image import RetinalImage
 
 Side = Literal["right", "left"]
 
@@ -254,6 +261,29 @@ class ConeMosaic:
         }
         history = {"merged": [self.provenance, other.provenance]}
         return dataclasses.replace(self, **both, provenance=history)
+
+    def excitations(
+        self, image: RetinalImage, integration_time_s: float = 0.005, **options: Any
+    ) -> Excitations:
+        """Mean excitations of every receptor by a retinal image; see `isetcl.cones.excitations`."""
+        from isetcl.cones.excitations import excitations
+
+        return excitations(self, image, integration_time_s, **options)
+
+    def quality(self, **options: Any) -> MosaicQuality:
+        """How regular the lattice is, and how near its density to the wanted one.
+
+        See `isetcl.cones.quality.mosaic_quality`.
+        """
+        from isetcl.cones.quality import mosaic_quality
+
+        return mosaic_quality(self, **options)
+
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the apertures, coloured by type; see `isetcl.cones.pictures.plot_mosaic`."""
+        from isetcl.cones.pictures import plot_mosaic
+
+        return plot_mosaic(self, ax, **options)
 
     def save(self, path: str | Path) -> Path:
         """Write the mosaic as NetCDF-4, with its provenance; returns the path."""

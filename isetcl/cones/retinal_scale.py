@@ -96,6 +96,13 @@ class RetinalScale:
         ratio = self.eccentricity_deg(np.where(tiny, 1e-7, arc)) / np.where(tiny, 1e-7, arc)
         return np.asarray(-positions_mm * ratio[..., None])
 
+    def mm2_per_deg2(self, eccentricity_deg: np.ndarray) -> np.ndarray:
+        """Area of the chart per square degree of visual field, mm^2/deg^2: r r' / theta."""
+        step = 1e-4
+        ecc = np.clip(eccentricity_deg, 2.0 * step, self.limit_deg - step)
+        slope = (self.arc_mm(ecc + step) - self.arc_mm(ecc - step)) / (2.0 * step)
+        return np.asarray(slope * self.arc_mm(ecc) / ecc)
+
     def eccentricity_deg(self, arc_mm: np.ndarray) -> np.ndarray:
         """Eccentricity, deg, of arc lengths in mm: a table, and two steps of Newton's method."""
         table = np.linspace(0.0, self.limit_deg, _NODES)

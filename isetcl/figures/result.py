@@ -128,9 +128,7 @@ def states(
     return _judged(quantity, evidence, paper, source, is_so, known)
 
 
-def _judged(
-    quantity: str, found: str, paper: str, source: str, agrees: bool, known: str
-) -> Row:
+def _judged(quantity: str, found: str, paper: str, source: str, agrees: bool, known: str) -> Row:
     if agrees:
         return Row(quantity, found, paper, source, "agrees")
     verdict: Verdict = "differs, explained" if known else "differs"

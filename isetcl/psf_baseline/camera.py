@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from isetcl.psf_baseline.borders import Border, pixel_index
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+Projection = Literal["perspective", "angular"]
 
 _BORDER_POINTS = 65
 _HALVINGS = 50
@@ -135,8 +137,8 @@ class Camera:
         """Share of each pixel in each sample of even field angles, (samples, pixels), sparse.
 
         What a sample covers of the picture is taken as an upright box through the middles of its
-        four sides. Its slant is left out: at most 4 % of its width at 20 degrees from the middle and
-        9 % at 30, on the diagonals.
+        four sides. Its slant is left out: at most 4 % of its width at 20 degrees from the middle
+        and 9 % at 30, on the diagonals.
 
         Parameters
         ----------

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
-from isetcl.psf_baseline.depth_image import DepthImage, DepthKind, DepthUnit, Projection
+from isetcl.psf_baseline.camera import Projection
+from isetcl.psf_baseline.depth_image import DepthImage, DepthKind, DepthUnit
 from isetcl.scene.display import Display
 from isetcl.scene.pbrt.pictures import FLOAT_SUFFIXES, read_floats
 from isetcl.scene.texture import Image, load_image
@@ -101,7 +102,7 @@ def load_depth_image(
     check_type("picture", picture, (str, Path))
     file = Path(picture)
     options.setdefault("name", file.name)
-    light = _light(file, display)
+    light = read_light(file, display)
     return DepthImage(
         light,
         load_depth(depth, depth_scale),
@@ -114,8 +115,14 @@ def load_depth_image(
     )
 
 
-def _light(file: Path, display: Display | None) -> Image | np.ndarray:
-    """A photograph as a `DepthImage` takes it."""
+def read_light(file: Path, display: Display | None) -> Image | np.ndarray:
+    """A photograph as a `DepthImage` takes it.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
     if not file.is_file():
         raise FileError(f"image file {str(file)!r} does not exist")
     suffix = file.suffix.lower()

@@ -19,14 +19,13 @@ from isetcl.errors import (
     check_type,
 )
 from isetcl.eye.field import direction_from_field
-from isetcl.psf_baseline.camera import LARGEST_FOV_DEG, Camera
+from isetcl.psf_baseline.camera import LARGEST_FOV_DEG, Camera, Projection
 from isetcl.scene.cube import SpectralCube
 from isetcl.scene.display import Display
 from isetcl.scene.texture import Image
 
 DepthUnit = Literal["m", "dpt"]
 DepthKind = Literal["z", "range"]
-Projection = Literal["perspective", "angular"]
 Picture = np.ndarray | Image | SpectralCube
 
 NEAREST_DPT = 125.0
@@ -134,7 +133,7 @@ class DepthImage:
             )
         shape = self.shape
         for k, sheet in enumerate(self.sheets):
-            found = _picture_shape(self._which(k), sheet.picture)
+            found = picture_shape(self._which(k), sheet.picture)
             if found != shape:
                 raise InvalidInputError(
                     f"{self._which(k)} must have {shape[0]} rows and {shape[1]} columns as the "
@@ -154,7 +153,7 @@ class DepthImage:
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
-        return _picture_shape(self._which(0), self.picture)
+        return picture_shape(self._which(0), self.picture)
 
     @functools.cached_property
     def camera(self) -> Camera | None:
@@ -350,7 +349,14 @@ class DepthImage:
             )
 
 
-def _picture_shape(what: str, picture: Picture) -> tuple[int, int]:
+def picture_shape(what: str, picture: Picture) -> tuple[int, int]:
+    """Rows and columns of a picture.
+
+    Raises
+    ------
+    InvalidInputError
+        If it is no picture.
+    """
     if isinstance(picture, SpectralCube):
         return picture.shape[:2]
     if isinstance(picture, Image):

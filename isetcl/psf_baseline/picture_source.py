@@ -9,7 +9,8 @@ import numpy as np
 from isetcl.errors import InvalidInputError, check_choice, check_type
 from isetcl.eye.model import Eye
 from isetcl.psf_baseline.borders import BORDERS, Border
-from isetcl.psf_baseline.depth_image import DepthImage, Picture
+from isetcl.psf_baseline.depth_image import DepthImage
+from isetcl.psf_baseline.picture_light import shown, srgb
 from isetcl.psf_baseline.picture_stack import HIDDEN, Hidden, PictureStack, Sheet
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.pinhole_view import PinholeView
@@ -17,7 +18,6 @@ from isetcl.scene.basis import SpectralBasis
 from isetcl.scene.cube import SpectralCube
 from isetcl.scene.display import Display, display_primaries
 from isetcl.scene.model import Scene
-from isetcl.scene.texture import Image
 from isetcl.spectrum import Spectrum, check_wavelengths, default_wavelengths_nm
 
 Source = Scene | PinholeView | DepthImage
@@ -125,9 +125,18 @@ def picture_stack(
         spectra, sheets = _of_image(source, wavelengths_nm)
         name, digest = source.name, source.digest()
     basis = SpectralBasis(spectra, np.zeros(len(spectra)), ())
-    camera = source.camera if isinstance(source, DepthImage) else None
     return PictureStack(
-        name, digest, left, top, pitch, basis, tuple(sheets), border, hidden, camera
+        name=name,
+        digest_text=digest,
+        left_deg=left,
+        top_deg=top,
+        pitch_deg=pitch,
+        basis=basis,
+        sheets=tuple(sheets),
+        border=border,
+        hidden=hidden,
+        camera=source.camera if isinstance(source, DepthImage) else None,
+        projection=source.projection if isinstance(source, DepthImage) else "angular",
     )
 
 
@@ -183,7 +192,7 @@ def _of_image(image: DepthImage, wavelengths_nm: np.ndarray) -> tuple[np.ndarray
         planes = [colour[:, k] for k in range(len(pictures))]
     else:
         display = image.display
-        lights = [_light(picture, display) for picture in pictures]
+        lights = [shown(picture, display) for picture in pictures]  # type: ignore[arg-type]
         is_grey = all(light.ndim == 2 for light in lights)
         planes = [_channels(light, is_grey) for light in lights]
         spectra = np.stack([s.at(wavelengths_nm) for s in _display_spectra(display, is_grey)])
@@ -192,29 +201,6 @@ def _of_image(image: DepthImage, wavelengths_nm: np.ndarray) -> tuple[np.ndarray
         for plane, (vergence, alpha) in zip(planes, image.maps, strict=True)
     ]
     return spectra, sheets
-
-
-def _light(picture: Picture, display: Display | None) -> np.ndarray:
-    """Linear light, (rows, columns) or (rows, columns, 3), the black level of a display added."""
-    if isinstance(picture, Image):
-        light = picture.texels.astype(np.float64)
-    else:
-        raw = np.asarray(picture)
-        light = raw.astype(np.float64)
-        if raw.dtype.kind == "u":
-            light = (display or _srgb()).decoded(raw)
-    light = light[..., 0] if light.shape[2:] == (1,) else light
-    if not np.all(np.isfinite(light)) or np.any(light < 0):
-        raise InvalidInputError("a picture must be finite and >= 0 (linear light); repair it first")
-    if display is None:
-        return light
-    assert display.luminance_cd_m2 is not None
-    black = display.black_level_cd_m2 / display.luminance_cd_m2
-    return black + (1.0 - black) * light
-
-
-def _srgb() -> Display:
-    return Display((1, 1), width_m=1.0)
 
 
 def _channels(light: np.ndarray, is_grey: bool) -> np.ndarray:
@@ -227,7 +213,7 @@ def _channels(light: np.ndarray, is_grey: bool) -> np.ndarray:
 def _display_spectra(display: Display | None, is_grey: bool) -> list[Spectrum]:
     """Spectral radiances of the primaries, or of white alone."""
     if display is None:
-        return [_srgb().white] if is_grey else list(display_primaries())
+        return [srgb().white] if is_grey else list(display_primaries())
     assert display.primaries is not None
     return [display.white] if is_grey else list(display.primaries)
 
