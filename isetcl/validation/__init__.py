@@ -9,7 +9,8 @@ from isetcl.validation.occlusion import (
     RegionError,
     occlusion_error,
 )
-from isetcl.validation.slanted_edge import Edge, SlantedEdgeMtf, slanted_edge_mtf
+from isetcl.validation.slanted_edge import slanted_edge_mtf
+from isetcl.validation.slanted_edge_result import Edge, SlantedEdgeMtf
 from isetcl.validation.three_mtfs import ThreeMtfs, three_mtfs
 from isetcl.validation.work_precision import (
     Reference,
