@@ -168,7 +168,7 @@ def test_intervals_hold_the_truth_95_times_in_100(bias, slope, noise):
 
 
 def test_intervals_hold_most_of_few_truths():
-    found = coverage(0.02, -0.5, 0.1, trials=30)
+    found = coverage(0.02, -0.5, 0.1, trials=10, at_once=10)
     assert found["rmse"] > 0.85
     assert found["bias"] > 0.85
 

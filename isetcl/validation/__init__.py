@@ -9,6 +9,7 @@ from isetcl.validation.occlusion import (
     RegionError,
     occlusion_error,
 )
+from isetcl.validation.occlusion_study import OcclusionStudy, occlusion_study
 from isetcl.validation.slanted_edge import slanted_edge_mtf
 from isetcl.validation.slanted_edge_result import Edge, SlantedEdgeMtf
 from isetcl.validation.three_mtfs import ThreeMtfs, three_mtfs
@@ -25,6 +26,7 @@ __all__ = [
     "Edge",
     "MeasuredTca",
     "OcclusionError",
+    "OcclusionStudy",
     "Reference",
     "RegionError",
     "SceneMethod",
@@ -37,6 +39,7 @@ __all__ = [
     "measured_tca",
     "occlusion_error",
     "occlusion_strip",
+    "occlusion_study",
     "slanted_edge_mtf",
     "stats",
     "three_mtfs",

@@ -46,7 +46,7 @@ def exact_error_um(
 
     The second result is the exact points, mm; NaN for lost rays.
     """
-    origins, directions = bench.rounded(origins, directions)
+    origins, directions = bench.rays(origins, directions)
     got = bench.trace(sequence, origins, directions)
     errors, points = np.zeros(len(origins)), np.full((len(origins), 3), np.nan)
     for i, (o, d) in enumerate(zip(origins, directions, strict=True)):
@@ -134,7 +134,7 @@ def _distances(bench: Bench) -> tuple[float, str]:
     worst = _worst_of_pupils(bench, (4.0,), [0.05, 0.1, 1.0, 100.0, 1e6, 1e9, math.inf])
     sequence = elements(catalog.navarro(4.0), WAVELENGTH_NM)
     far, infinite = (
-        bench.trace(sequence, *bench.rounded(*_pupil_rays(4.0, d))).positions_mm
+        bench.trace(sequence, *bench.rays(*_pupil_rays(4.0, d))).positions_mm
         for d in (1e6, math.inf)
     )
     apart = UM_PER_MM * float(np.linalg.norm(far - infinite, axis=1).max())
@@ -240,7 +240,7 @@ def _scaled_eye(bench: Bench) -> float:
         )
         for e in sequence
     )
-    origins, directions = bench.rounded(*field_rays((0.0, 30.0, 70.0, 95.0), 12))
+    origins, directions = bench.rays(*field_rays((0.0, 30.0, 70.0, 95.0), 12))
     one = bench.trace(sequence, origins, directions)
     other = bench.trace(larger, scale * origins, directions)
     if not one.passed.sum() > 24:
@@ -258,7 +258,7 @@ def _round_trip(bench: Bench) -> float:
     slope = 0.1 * np.stack([np.cos(2 * i), np.sin(3 * i)], axis=1)
     directions = np.append(slope, np.ones((40, 1)), axis=1)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    pupil, directions = bench.rounded(pupil, directions)
+    pupil, directions = bench.rays(pupil, directions)
     there = bench.trace(sequence, pupil, directions)
     back = bench.trace(
         tuple(reversed(sequence[:-1])), there.positions_mm, -there.directions, "scene"

@@ -8,12 +8,12 @@ import math
 import numpy as np
 
 from isetcl.device.eye_features import EyeFeatures
-from isetcl.device.gradients import gauss_step, kernel_steps, method_error_mm
-from isetcl.eye import catalog
+from isetcl.device.gradients import kernel_step, kernel_steps, method_error_mm
 from isetcl.eye.gradient import Gradient, PolynomialGradient, ShellGradient, ShellMedium
 from isetcl.eye.gradient_path import PlacedGradient, chord_rays, propagate
 from isetcl.eye.media import ConstantIndex, Medium
 from isetcl.eye.model import Eye
+from isetcl.eye.models.liou_brennan import liou_brennan
 from isetcl.eye.prescription import Element, ElementKind, elements, placed_gradients
 from isetcl.eye.rays import RayBundle, RayStatus
 from isetcl.eye.retina import Retina
@@ -79,7 +79,7 @@ def _trace(
     bench: Bench, sequence: tuple[Element, ...], rays: tuple[np.ndarray, np.ndarray]
 ) -> tuple[RayBundle, RayBundle]:
     """On the device and by the host's method of order 10, from the same rounded rays."""
-    origins, directions = bench.rounded(*rays)
+    origins, directions = bench.rays(*rays)
     return (
         bench.trace(sequence, origins, directions, features=_FEATURES),
         trace_elements(sequence, origins, directions, "retina"),
@@ -105,7 +105,7 @@ def _no_gradient(bench: Bench) -> float:
     flat, plain = [], []
     inside = iter((1.41, 1.40))
     before = 1.0
-    for e in elements(catalog.liou_brennan(4.0), LIOU_NM)[:-1]:
+    for e in elements(liou_brennan(4.0), LIOU_NM)[:-1]:
         after = e.n_after if e.gradient_after is None else next(inside)
         after = before if e.kind is ElementKind.STOP else after
         sides = {
@@ -122,7 +122,7 @@ def _no_gradient(bench: Bench) -> float:
         plain.append(bare)
         flat.append(dataclasses.replace(bare, **sides))  # type: ignore[arg-type]
         before = after
-    rays = bench.rounded(*bundle(48, 1.6, 0.1))
+    rays = bench.rays(*bundle(48, 1.6, 0.1))
     got = bench.trace(flat, *rays, features=_FEATURES)
     worst = 0.0
     for i, (o, d) in enumerate(zip(*rays, strict=True)):
@@ -138,11 +138,11 @@ def _no_gradient(bench: Bench) -> float:
 @case(40, "Liou-Brennan's lens against a method of order 10", "the same, and 1e-8 um in 6 steps",
       "um", single=1e-2, double=1e-6)  # fmt: skip
 def _liou_brennan(bench: Bench) -> tuple[float, str]:
-    eye = catalog.liou_brennan(8.0)
+    eye = liou_brennan(8.0)
     error = _lens_error_um(bench, eye, 2.5)
     used = [kernel_steps(g, bench.precision) for g in _placed(eye)]
     six = max(
-        method_error_mm(g.profile, r, propagate(g.profile, *r, g.steps)[:2], 6)
+        method_error_mm(g.profile, r, propagate(g.profile, *r, g.steps)[:2], 6, "double")
         for g in _placed(eye)
         for r in [chord_rays(g)]
     )
@@ -173,11 +173,12 @@ def _order(bench: Bench) -> tuple[float, str]:
     rays = n[:, None] * np.stack([np.sin(tilt), 0.0 * tilt, np.cos(tilt)], axis=1)
     across = points[:, :2] * np.cos(a * span) + rays[:, :2] * np.sin(a * span) / a
     exact = np.append(across, rays[:, 2:] * span, axis=1)
-    errors = []
+    profile, errors = SquareRootGradient(), []
     for steps in (4, 8, 16):
         p, t = points, rays
         for _ in range(steps):
-            p, t = gauss_step(SquareRootGradient(), p, t, np.full(len(p), span / steps))  # type: ignore[arg-type]
+            h = np.full(len(p), span / steps)
+            p, t = kernel_step(profile, p, t, h, bench.precision)  # type: ignore[arg-type]
         errors.append(float(np.max(np.abs(p - exact))))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     return float(np.max(np.abs(orders - 6.0))), f"orders {orders[0]:.2f} and {orders[1]:.2f}"
@@ -193,7 +194,7 @@ def _steep_shells(bench: Bench) -> tuple[float, str]:
 @case(43, "the invariant |T|^2 - n^2 along rays", "kept", "1", single=None, double=1e-12)
 def _invariant(bench: Bench) -> float:
     worst = 0.0
-    for eye in (catalog.liou_brennan(8.0), shell_eye(7.0)):
+    for eye in (liou_brennan(8.0), shell_eye(7.0)):
         for g in _placed(eye):
             end, leaving, _ = propagate(g.profile, *chord_rays(g), g.steps)
             squared = g.profile.squared_and_half_gradient(*end.T)[0]
@@ -232,7 +233,8 @@ def _split(bench: Bench) -> tuple[float, str]:
         for steps in counts:
             p, t = points, rays
             for _ in range(steps):
-                p, t = gauss_step(profile, p, t, np.full(len(p), span / steps))  # type: ignore[arg-type]
+                h = np.full(len(p), span / steps)
+                p, t = kernel_step(profile, p, t, h, "double")  # type: ignore[arg-type]
             found.append(p)
         return found
 
@@ -243,7 +245,7 @@ def _split(bench: Bench) -> tuple[float, str]:
     split = order(ends(front, 1.2, (1, 2, 4, 16)))
     # 31 and 61: steps end off the equator, wherever it is.
     whole = order(ends(_Halves(front, rear, _FRONT_MM), 2.9, (5, 11, 21, 641)))
-    equators = sum("equator" in e.name for e in elements(catalog.liou_brennan(4.0), LIOU_NM))
+    equators = sum("equator" in e.name for e in elements(liou_brennan(4.0), LIOU_NM))
     missing = max(0.0, 3.8 - split, whole - 3.0, float(1 - equators))
     return missing, f"order {split:.1f}, unsplit {whole:.1f}"
 
@@ -251,7 +253,7 @@ def _split(bench: Bench) -> tuple[float, str]:
 @case(45, "rays that arrive at the back of the lens", "lie on it", "mm", single=2e-6, double=1e-12)
 def _landing(bench: Bench) -> float:
     worst = 0.0
-    for eye, radius in ((catalog.liou_brennan(8.0), 2.5), (shell_eye(7.0), 2.2)):
+    for eye, radius in ((liou_brennan(8.0), 2.5), (shell_eye(7.0), 2.2)):
         sequence = _upto(eye, "lens back")
         got, _ = _trace(bench, sequence, bundle(128, radius, 0.3))
         if got.passed.sum() < 100:

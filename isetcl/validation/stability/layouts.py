@@ -28,7 +28,7 @@ def _different(one: np.ndarray, other: np.ndarray) -> int:
 def _mirrored(bench: Bench) -> int:
     flip = np.array([-1.0, 1.0, 1.0])
     sequence = elements(catalog.arizona(8.0), WAVELENGTH_NM)
-    origins, directions = bench.rounded(*field_rays(_FIELDS, 16))
+    origins, directions = bench.rays(*field_rays(_FIELDS, 16))
     one = bench.trace(sequence, origins, directions)
     other = bench.trace(sequence, origins * flip, directions * flip)
     return _different(one.positions_mm * flip, other.positions_mm) + _different(
@@ -40,7 +40,7 @@ def _mirrored(bench: Bench) -> int:
       single=0, double=0)  # fmt: skip
 def _reordered(bench: Bench) -> tuple[int, str]:
     sequence = elements(catalog.navarro(8.0), WAVELENGTH_NM)
-    origins, directions = bench.rounded(*field_rays(_FIELDS, 40))
+    origins, directions = bench.rays(*field_rays(_FIELDS, 40))
     one = bench.trace(sequence, origins, directions)
     order = np.random.default_rng(3).permutation(len(origins))
     mixed = bench.trace(sequence, origins[order], directions[order])
@@ -57,7 +57,7 @@ def _reordered(bench: Bench) -> tuple[int, str]:
       single=4.0, double=16.0)  # fmt: skip
 def _elsewhere(bench: Bench) -> tuple[float, str]:
     sequence = elements(catalog.navarro(8.0), WAVELENGTH_NM)
-    rays = bench.rounded(*field_rays(_FIELDS[:-1], 40))
+    rays = bench.rays(*field_rays(_FIELDS[:-1], 40))
     own = bench.trace(sequence, *rays)
     worst, names = 0.0, []
     for device in list_devices():

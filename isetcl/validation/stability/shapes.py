@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from decimal import Decimal
 
 import numpy as np
 
@@ -33,7 +34,7 @@ def biconic(
 ) -> Element:
     """A biconic of two sections (curvature, conic constant), refracting into 1.376."""
     if bench is not None:
-        x, y = ((bench.number(c), bench.number(k)) for c, k in (x, y))  # type: ignore[assignment]
+        x, y = ((bench.number(c), bench.number(k)) for c, k in (x, y))
     kind, shape = ElementKind.REFRACT, Biconic(*x)
     return Element(kind, "biconic", 0.0, *y, semi_mm, 1.0, 1.376, shape)
 
@@ -77,21 +78,21 @@ def _searched(element: Element, nudge: float) -> Element:
 )
 def _sphere_thrice(bench: Bench) -> float:
     c = bench.number(1 / 7.8)
-    rays = tuple(bench.rounded(*oblique(4.0)))
+    rays = bench.rays(*oblique(4.0))
     plain = Element(ElementKind.REFRACT, "sphere", 0.0, c, 0.0, 1e9, 1.0, 1.376)
-    expected = _trace(bench, plain, rays)  # type: ignore[arg-type]
+    expected = _trace(bench, plain, rays)
     direct = biconic((c, 0.0), (c, 0.0))
     # 1e-14 of the conic constant moves the surface by 1e-13 um.
     others = direct, _searched(direct, 1e-14)
-    return max(_apart_um(expected, _trace(bench, e, rays)) for e in others)  # type: ignore[arg-type]
+    return max(_apart_um(expected, _trace(bench, e, rays)) for e in others)
 
 
 @case(30, "a biconic with (1 + kx) cx = (1 + ky) cy", "the quadric", "um", single=2e-3, double=1e-9)
 def _matched(bench: Bench) -> float:
     element = biconic((1 / 8.5, 8.5 * 0.75 / 7.8 - 1.0), (1 / 7.8, -0.25))
     assert shape_kind(element) is ShapeKind.QUADRIC
-    rays = tuple(bench.rounded(*oblique(4.0)))
-    found = (_trace(bench, e, rays) for e in (element, _searched(element, 1e-14)))  # type: ignore[arg-type]
+    rays = bench.rays(*oblique(4.0))
+    found = (_trace(bench, e, rays) for e in (element, _searched(element, 1e-14)))
     return _apart_um(*found)
 
 
@@ -101,8 +102,8 @@ def _quarter_turn(bench: Bench) -> float:
     first = biconic((1 / 8.5, 0.3), (1 / 7.8, -0.25))
     second = biconic((1 / 7.8, -0.25), (1 / 8.5, 0.3))
     turned = dataclasses.replace(second, placement=Placement(axis_deg=90.0))
-    rays = tuple(bench.rounded(*oblique(4.0)))
-    one, other = (_trace(bench, e, rays) for e in (first, turned))  # type: ignore[arg-type]
+    rays = bench.rays(*oblique(4.0))
+    one, other = (_trace(bench, e, rays) for e in (first, turned))
     apart = _apart_um(one, other) / UM_PER_MM
     return apart / (bench.epsilon * float(np.nanmax(np.abs(one))))
 
@@ -114,7 +115,7 @@ def _extremes(bench: Bench) -> float:
     worst = 0.0
     for x, y, semi in EXTREMES.values():
         element = biconic(x, y, bench=bench)
-        rays = bench.rounded(*oblique(semi))
+        rays = bench.rays(*oblique(semi))
         got = bench.trace((element,), *rays, features=_FEATURES)
         for i, (o, d) in enumerate(zip(*rays, strict=True)):
             plain = dataclasses.replace(element, n_after=element.n_before)
@@ -123,7 +124,7 @@ def _extremes(bench: Bench) -> float:
                 return math.inf
             point = [float(v) for v in exact[0]]
             parts = [
-                float(v - fifty_digits.Decimal(w.item()))
+                float(v - Decimal(w.item()))
                 for v, w in zip(exact[0], got.positions_mm[i], strict=True)
             ]
             _, g = element.shape.implicit(element.curvature, element.conic, *map(np.float64, point))  # type: ignore[union-attr]
