@@ -227,13 +227,13 @@ def _save(figure: Any, path: Path, dpi: int) -> None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    from isetcl.report import write_file
+    from isetcl.output import write_file
 
     write_file(path, data)
 
 
 def _check_folder(folder: Path) -> None:
-    from isetcl.report import check_folder
+    from isetcl.output import check_folder
 
     check_folder(folder)
 

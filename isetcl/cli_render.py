@@ -161,8 +161,8 @@ def _explain(scene: Scene, eye: Eye, view: dict[str, Any]) -> None:
 
 def _traced(scene: Scene, eye: Eye, options: dict[str, Any], output: Path) -> RetinalImage:
     """The image; refuses an output folder that cannot be written before any work."""
+    from isetcl.output import check_folder
     from isetcl.render.render import render as trace
-    from isetcl.report import check_folder
 
     check_folder(output)
     image = trace(scene, eye, **options)
@@ -173,7 +173,8 @@ def _traced(scene: Scene, eye: Eye, options: dict[str, Any], output: Path) -> Re
 def _write(image: RetinalImage, scene: Scene, folder: Path, *, layers: bool) -> list[Path]:
     """The data first, then pictures of them."""
     from isetcl import plots
-    from isetcl.report import png, write_file
+    from isetcl.output import write_file
+    from isetcl.report import png
 
     written = [image.save(folder / "retina.nc")]
     white = cli_scene.exposure_lux(scene, image.illuminance_lux.values)

@@ -16,22 +16,9 @@ from typing import Any
 import numpy as np
 
 from isetcl import plots
-from isetcl.errors import FileError
+from isetcl.output import check_folder, write_file
 from isetcl.validation.comparison import Comparison
 from isetcl.version import __version__
-
-
-def check_folder(folder: Path) -> None:
-    """Create the output folder; raise FileError, before any work, if it cannot be written."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        probe = folder / f".isetcl-{os.getpid()}"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise FileError(
-            f"cannot write into folder {str(folder)!r}: {error}; choose another with --output"
-        ) from error
 
 
 def write_report(
@@ -146,25 +133,6 @@ def png(pixels: np.ndarray) -> bytes:
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, format="PNG")
     return buffer.getvalue()
-
-
-def write_file(path: Path, data: bytes) -> Path:
-    """Write a file under a temporary name and move it into place; returns its path.
-
-    Raises
-    ------
-    FileError
-        If it cannot be written.
-    """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise FileError(f"cannot write {str(path)!r}: {error}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
-    return path
 
 
 _STYLE = """

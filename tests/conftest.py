@@ -75,10 +75,13 @@ DOUBLE_IS_SLOW = {
     "test_gradients",
     "test_instances",
     "test_lamps",
+    "test_glare",
     "test_lights",
     "test_materials",
     "test_paths",
     "test_pinhole",
+    "test_render",
+    "test_surfaces_rendered",
     "test_textures_on_paths",
 }
 """Images in double precision come from the same sources with another type, and building the kernels

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import isetcl as ic
 from isetcl.device import program
@@ -23,6 +22,7 @@ from isetcl.device.elements import declarations
 from isetcl.render import pack, sobol
 from isetcl.render.kernel_config import PathConfig
 from isetcl.render.paths import PathPipeline
+from isetcl.validation.stats import Replicates, image_test
 
 WAVELENGTHS_NM = np.array([450.0, 530.0, 610.0, 690.0])
 
@@ -291,7 +291,7 @@ class Rays:
         real = pipeline._real
         found = []
         # Origin, direction, weight, and a place that only given rays use.
-        buffers = [pipeline._buffer(k * slots) for k in (3, 3, 1, 1)]
+        buffers = [pipeline._device.allocate(k * slots, real) for k in (3, 3, 1, 1)]
         for stream in streams:
             kernel.set_args(
                 *pipeline._eye_arguments(),
@@ -393,90 +393,23 @@ class Comparison:
         """isetcl's films of another scene along the same rays."""
         return self.view.film(self.view.pipeline(scene, self._eye))
 
+    @property
+    def level(self):
+        """Mean radiance that Mitsuba finds."""
+        return float(self.other.mean() / self.even.mean())
+
     def agreement(self, own=None):
         n = self.view.resolution
         even = self.even.reshape(-1, n, n).mean(axis=0)
         own = self.own if own is None else own
-        return Agreement.of(own, self.other, even)
+        return agreement(own, self.other, even)
 
 
-@dataclass(frozen=True)
-class Agreement:
-    """Paired tests of two sets of films over replicates.
+def agreement(own, other, even):
+    """Paired tests of two sets of films over replicates, in radiance.
 
-    Attributes
-    ----------
-    block_p, chi2_p, global_p
-        Of the worst 8 x 8 block (Sidak over blocks and channels), of all blocks together, and of
-        the mean over all.
-    worst
-        Largest difference of a block in standard errors.
-    bias, error
-        Difference of the means and its standard error, relative to the mean; largest channel.
-    detectable
-        The bias of the mean that is found four times in five at the level of 1e-4.
-    mean
-        Mean radiance.
+    Blocks without any noise differ by the rounding of single precision only.
     """
-
-    block_p: float
-    chi2_p: float
-    global_p: float
-    worst: float
-    bias: float
-    error: float
-    detectable: float
-    mean: float
-
-    @classmethod
-    def of(cls, own, other, even, block=8, alpha=1e-4):
-        replicates, channels, rows, columns = other.shape
-        if own.shape[1] != channels:
-            own = own[:, :channels]
-        difference = (own - other) / even.mean()
-
-        def blocks(film):
-            shape = (*film.shape[:-2], rows // block, block, columns // block, block)
-            return film.reshape(shape).mean(axis=(-3, -1))
-
-        d = blocks(difference).reshape(replicates, -1)
-        mean, error = d.mean(axis=0), d.std(axis=0, ddof=1) / np.sqrt(replicates)
-        level = np.abs(blocks(other / even.mean()).mean(axis=0)).reshape(-1)
-        # Blocks without any noise differ by rounding only.
-        floor = 2e-5 * level + 1e-12
-        t = mean / np.hypot(error, floor)
-        freedom = replicates - 1
-        p = 2 * stats.t.sf(np.abs(t), freedom)
-        block_p = 1 - (1 - p.min()) ** len(p)
-        # All wavelengths of a path meet the same surfaces, so blocks are tested for their mean.
-        one = blocks(difference).mean(axis=1).reshape(replicates, -1)
-        one_error = np.hypot(
-            one.std(axis=0, ddof=1) / np.sqrt(replicates),
-            2e-5 * level.reshape(channels, -1).mean(axis=0) + 1e-12,
-        )
-        one_p = 2 * stats.t.sf(np.abs(one.mean(axis=0) / one_error), freedom)
-        z = stats.norm.isf(np.maximum(one_p, 1e-300) / 2)
-        chi2_p = float(stats.chi2.sf(np.sum(z**2), len(z)))
-        whole = difference.mean(axis=(2, 3))
-        radiance_ = (other / even.mean()).mean(axis=(0, 2, 3))
-        bias = whole.mean(axis=0) / radiance_
-        whole_error = whole.std(axis=0, ddof=1) / np.sqrt(replicates) / radiance_
-        whole_t = np.abs(bias) / np.hypot(whole_error, 2e-6)
-        global_p = 1 - (1 - 2 * stats.t.sf(whole_t.max(), freedom)) ** channels
-        k = int(np.argmax(np.abs(bias)))
-        need = stats.t.isf(alpha / 2 / channels, freedom) + stats.t.isf(0.2, freedom)
-        return cls(
-            float(block_p),
-            chi2_p,
-            float(global_p),
-            float(np.abs(t).max()),
-            float(bias[k]),
-            float(whole_error.max()),
-            float(need * whole_error.max()),
-            float(radiance_.mean()),
-        )
-
-    @property
-    def p(self):
-        """The smallest p-value, times the number of tests."""
-        return min(1.0, 3 * min(self.block_p, self.chi2_p, self.global_p))
+    channels = other.shape[1]
+    films = (Replicates(f / even.mean()) for f in (own[:, :channels], other))
+    return image_test(*films, paired=True, rounding=2e-5)

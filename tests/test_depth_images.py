@@ -390,7 +390,11 @@ def test_a_photograph_and_its_map_make_an_image(tmp_path):
     np.save(tmp_path / "d.npy", np.full((3, 4), 2.0))
     image = load_depth_image(tmp_path / "p.png", tmp_path / "d.npy", 1.0, centre_deg=(1.0, 0.0))
     assert image.name == "p.png"
-    assert image.fov_deg == (1.0, 0.75)
+    # Three rows for four columns in tangents, not in angles.
+    high = math.degrees(2.0 * math.atan(0.75 * math.tan(math.radians(0.5))))
+    assert image.fov_deg == pytest.approx((1.0, high), rel=1e-12)
+    even = load_depth_image(tmp_path / "p.png", tmp_path / "d.npy", 1.0, projection="angular")
+    assert even.fov_deg == (1.0, 0.75)
     power = ic.Display((4, 3), width_m=1.0, gamma=2.0)
     squared = load_depth_image(tmp_path / "p.png", tmp_path / "d.npy", 1.0, display=power)
     np.testing.assert_allclose(squared.picture.texels, (codes / 255.0) ** 2, atol=1e-6)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from scipy import integrate, special
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.errors import InvalidInputError
@@ -62,7 +63,7 @@ def straight(n, index):
     return np.tile([0.0, 0.0, -index], (n, 1))
 
 
-@pytest.mark.parametrize("case", TABLE)
+@pytest.mark.parametrize("case", slow_after(1, [(case,) for case in TABLE]))
 def test_the_closed_form_gives_the_published_table(case):
     otf, peak, energy = TABLE[case]
     model = Hurb(*case)
@@ -77,7 +78,8 @@ def test_exact_diffraction_is_the_table_s():
 
 
 @pytest.mark.parametrize(
-    ("axes", "peak"), [("iset3d", 2.19174), ("optrace", 1.82857), ("isotropic", 4 / 3)]
+    ("axes", "peak"),
+    slow_after(1, [("isotropic", 4 / 3), ("iset3d", 2.19174), ("optrace", 1.82857)]),
 )
 def test_peaks_scale_as_one_over_gamma_squared(axes, peak):
     for gamma in (0.8, 1.0, 1.7):
@@ -85,7 +87,7 @@ def test_peaks_scale_as_one_over_gamma_squared(axes, peak):
 
 
 @pytest.mark.parametrize(
-    ("axes", "gamma", "rms"), [("iset3d", 1.219, 0.062), ("optrace", 1.116, 0.059)]
+    ("axes", "gamma", "rms"), slow_after(1, [("optrace", 1.116, 0.059), ("iset3d", 1.219, 0.062)])
 )
 def test_the_best_gamma_is_the_published_one(axes, gamma, rms):
     from scipy.optimize import minimize_scalar
@@ -132,7 +134,9 @@ def test_the_table_of_the_airy_pattern_is_its_inverse():
     assert table[-1] == pytest.approx(2 / np.pi * (1 + last), rel=1e-12)
 
 
-@pytest.mark.parametrize("model", [Airy(), Hurb(), Hurb("optrace", 1.0), Hurb("isotropic", 1.0)])
+@pytest.mark.parametrize(
+    "model", slow_after(2, [Airy(), Hurb(), Hurb("optrace", 1.0), Hurb("isotropic", 1.0)])
+)
 def test_bends_on_the_host_have_the_closed_form_s_otf(model):
     n, stop, wavelength, index = 200_000, ic.Stop(3.6, 3.0), 550.0, 1.336
     points = stop.rim_mm(disc_points(n))

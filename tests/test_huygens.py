@@ -33,6 +33,7 @@ def test_the_kernel_agrees_with_the_host_s_sum(device, precision, fronts, field)
     assert error < TOLERANCE[precision]
 
 
+@pytest.mark.slow
 def test_as_wide_an_image_as_samples_allow_is_still_right_in_single_precision(device):
     front = ic.eyes.navarro(3.0).wavefront(10.0, samples=256)
     v = diffraction_psf.visual_angles_deg(front, 60.0 / front.step_cpd, 12)

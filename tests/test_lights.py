@@ -15,6 +15,7 @@ from path_views import (
     radiance_of,
     replicates_of,
 )
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.render import pack_lights
@@ -110,8 +111,20 @@ def facing_wall(normal):
     return ic.SceneObject("wall", ic.Quad(tuple(corner), tuple(0.2 * u), tuple(0.2 * v)), HALF)
 
 
-@pytest.mark.parametrize("normal", [(0, 0, 1), (0.3, 0.9, 0.3), (-0.8, -0.1, 0.4)])
-@pytest.mark.parametrize("rotation", [None, TURN])
+@pytest.mark.parametrize(
+    ("normal", "rotation"),
+    slow_after(
+        1,
+        [
+            ((0.3, 0.9, 0.3), TURN),
+            ((0, 0, 1), TURN),
+            ((-0.8, -0.1, 0.4), TURN),
+            ((0, 0, 1), None),
+            ((0.3, 0.9, 0.3), None),
+            ((-0.8, -0.1, 0.4), None),
+        ],
+    ),
+)
 def test_a_picture_all_around_lights_surfaces_by_its_integral(normal, rotation):
     sky = ic.Environment(UNIT, sky_image(), rotation)
     scene = ic.Scene((facing_wall(normal),), sky)
@@ -133,6 +146,7 @@ def test_asking_the_sky_changes_nothing_but_the_noise():
     assert other < 0.03 * found
 
 
+@pytest.mark.slow
 def test_a_sun_a_million_times_the_sky_converges():
     """Nearly all light comes from one texel, and from the texels that it is interpolated into."""
     texels = np.ones((32, 64))

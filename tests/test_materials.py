@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
 
 import isetcl as ic
 from isetcl.device import program
@@ -12,6 +11,7 @@ from isetcl.device.layout import real_dtype
 from isetcl.render import pack, pack_paths
 from isetcl.render.kernel_config import PathConfig, path_width
 from isetcl.render.pack_looks import SubstanceKind, inner_reflectance
+from isetcl.validation.stats import chi_square_p
 
 PROBES = Path(__file__).parent / "probes" / "materials.cl"
 GOLD = (0.16, 0.25, 0.4, 1.3), (3.6, 2.9, 2.4, 1.8)
@@ -104,10 +104,10 @@ def sphere_grid(rows, columns, down=96, along=8):
 def test_samples_are_drawn_with_their_density(name, angle_deg, device, precision):
     """Chi-square over cells of equal solid angle; a density off by 2 % is found (see below)."""
     material = Material(device, precision, **CASES[name])
-    assert chi_square_p(material, angle_deg) > 1e-4
+    assert density_p(material, angle_deg) > 1e-4
 
 
-def chi_square_p(material, angle_deg, exponent=1.0):
+def density_p(material, angle_deg, exponent=1.0):
     rows, columns, count = 24, 24, 60_000
     grid = sphere_grid(rows, columns)
     density, _ = material.eval(angle_deg, grid.reshape(3, -1))
@@ -118,20 +118,15 @@ def chi_square_p(material, angle_deg, exponent=1.0):
     row = np.clip(((1 - d[2]) / 2 * rows).astype(int), 0, rows - 1)
     column = (np.arctan2(d[1], d[0]) / (2 * np.pi) % 1.0 * columns).astype(int) % columns
     found = np.bincount((row * columns + column)[drawn], minlength=rows * columns)
-    # Cells in which little is expected are taken together; what is not drawn is a cell, too.
-    few = expected < 20
-    observed = np.append(found[~few], [found[few].sum(), count - drawn.sum()])
-    wanted = np.append(expected[~few], [expected[few].sum(), count - expected.sum()])
-    # Quadrature inside a cell is not exact where the density is steep.
-    slack = 2e-3 * wanted
-    used = wanted > 20
-    chi2 = np.sum((observed - wanted)[used] ** 2 / (wanted + slack**2)[used])
-    return stats.chi2.sf(chi2, max(1, used.sum() - 1))
+    # What is not drawn is a cell, too. Quadrature is not exact where the density is steep.
+    observed = np.append(found, count - drawn.sum())
+    wanted = np.append(expected, max(0.0, count - expected.sum()))
+    return chi_square_p(observed, wanted, inexact=2e-3)
 
 
 def test_the_chi_square_test_finds_a_wrong_density(device):
     material = Material(device, "single", **CASES["rough mirror"])
-    assert chi_square_p(material, 45.0, exponent=1.03) < 1e-6
+    assert density_p(material, 45.0, exponent=1.03) < 1e-6
 
 
 @pytest.mark.parametrize("angle_deg", [5.0, 60.0, 80.0])

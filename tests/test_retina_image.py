@@ -207,7 +207,7 @@ def test_a_crash_while_writing_leaves_the_old_file(tmp_path, monkeypatch):
 
 
 def test_a_crash_while_writing_a_report_file_leaves_the_old_one(tmp_path, monkeypatch):
-    from isetcl.report import write_file
+    from isetcl.output import write_file
 
     path = tmp_path / "a.png"
     path.write_bytes(b"precious")

@@ -84,7 +84,7 @@ def test_eyes_of_spheres_and_conics_need_none_of_the_shapes():
     ("name", "precision", "field"),
     [
         ("irregular", "single", (12.0, -7.0)),
-        ("has_height_maps", "single", (3.0, 2.0)),
+        pytest.param("has_height_maps", "single", (3.0, 2.0), marks=pytest.mark.slow),
         pytest.param("irregular", "double", (12.0, -7.0), marks=pytest.mark.slow),
         *(pytest.param(name, "double", (3.0, 2.0), marks=pytest.mark.slow) for name in eyes()),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import time
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -28,6 +29,8 @@ class Device:
         "platform:device", as `find_device` accepts it.
     target
         The processor that kernels are compiled for, where isetcl had to name one.
+    transfer_s
+        Time spent so far on copies to and from the memory of the device, s.
     """
 
     raw: pyopencl.Device
@@ -35,6 +38,7 @@ class Device:
     target: str | None
     programs: dict[str, Any] = field(default_factory=dict, repr=False)
     kernels: dict[tuple[str, str], Any] = field(default_factory=dict, repr=False)
+    transfer_s: float = 0.0
 
     @property
     def name(self) -> str:
@@ -134,7 +138,20 @@ class Device:
         import pyopencl as cl
 
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+        start = time.perf_counter()
+        buffer = cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array))
+        self.transfer_s += time.perf_counter() - start
+        return buffer
+
+    def download(self, array: np.ndarray, buffer: pyopencl.Buffer) -> None:
+        """Fill an array from the memory of the device, after all work queued before."""
+        import pyopencl as cl
+
+        # The wait is the kernels' time, not the copy's.
+        self.queue.finish()
+        start = time.perf_counter()
+        cl.enqueue_copy(self.queue, array, buffer)
+        self.transfer_s += time.perf_counter() - start
 
     def allocate(self, count: int, dtype: np.dtype) -> pyopencl.Buffer:
         """Memory of the device for a number of values, without contents."""

@@ -7,8 +7,10 @@ judges would prove nothing.
 from isetcl.psf_baseline.bank import PsfBank
 from isetcl.psf_baseline.bound import ErrorBound, Verdict, error_bound, error_bounds
 from isetcl.psf_baseline.depth_files import load_depth, load_depth_image
+from isetcl.psf_baseline.depth_from_focus import FocusDepth
 from isetcl.psf_baseline.depth_image import DepthImage, DepthSheet
 from isetcl.psf_baseline.edge_error import edge_error
+from isetcl.psf_baseline.focal_stack import FocalStack, load_focal_stack
 from isetcl.psf_baseline.methods import Method, methods
 from isetcl.psf_baseline.psf import Psf, geometric_psf
 from isetcl.psf_baseline.psf_cache import PsfCache
@@ -20,6 +22,8 @@ __all__ = [
     "DepthImage",
     "DepthSheet",
     "ErrorBound",
+    "FocalStack",
+    "FocusDepth",
     "Method",
     "Psf",
     "PsfBank",
@@ -33,6 +37,7 @@ __all__ = [
     "geometric_psf",
     "load_depth",
     "load_depth_image",
+    "load_focal_stack",
     "methods",
     "psf_kinds",
     "pupil_offsets",

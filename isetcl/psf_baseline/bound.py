@@ -9,20 +9,22 @@ prediction itself may be wrong by, each part from its cause:
 * place: a pixel's error is taken as the largest of its neighbourhood of 3 x 3, since edges are
   known to half a pixel;
 * pupil: what half as many rays through the pupil change;
-* field: one PSF serves the whole image; its shift and spread are traced at the corners, and grow
-  towards them linearly. A shift s changes the image by s . grad L, a variance by half of it times
-  the Laplacian;
+* field: what the rays of other field positions change, from those at the borders, blended; of a
+  method whose PSFs change over the field, what blending leaves of it;
 * hidden: of a picture without hidden layers, the share of the pupil that sees what is hidden, times
   the range of the farther radiances within reach: what is hidden is like what is seen beside it;
 * agreement: 0.2 % of each pixel, what methods and ray tracing agree to on flat scenes.
 
-Not in it: detail of two or three pixels in focus, which the samples of a view and the pixels of a
-ray tracer render a little differently; diffraction and scatter.
+What counts as error depends on the kind of PSF. The eye's own (geometric, wave, hurb) are judged by
+ray tracing with the same diffraction, or none: diffraction changes the prediction by what it
+changes in M8, whose layers are the same. All others, and a `Psf` of the user's, are judged by the
+eye's rays, so that what they leave out or add is error too, everywhere in the image.
+
+Scatter is not in it.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import time
 from collections.abc import Sequence
@@ -33,34 +35,25 @@ import numpy as np
 
 from isetcl.errors import check_between, check_choice, check_count
 from isetcl.eye.model import Eye
-from isetcl.psf_baseline.depth_image import DepthImage
+from isetcl.psf_baseline.bank import check_field
+from isetcl.psf_baseline.hidden_part import hidden_part
 from isetcl.psf_baseline.methods import methods
-from isetcl.psf_baseline.picture_source import (
-    Source,
-    image_grid,
-    image_wavelengths,
-    picture_stack,
-)
-from isetcl.psf_baseline.pupil import MAX_SAMPLES, pupil_offsets
+from isetcl.psf_baseline.picture_source import Source, image_grid
+from isetcl.psf_baseline.prediction import NODES, few_wavelengths, is_own, predict
+from isetcl.psf_baseline.psf import Psf
+from isetcl.psf_baseline.psfs import PsfKind, psf_kind
+from isetcl.psf_baseline.pupil import MAX_SAMPLES
 from isetcl.psf_baseline.render import render
-from isetcl.psf_baseline.view import ViewGrid
 from isetcl.retina.depth_edges import occlusion_strip
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
-from isetcl.retina.pinhole_view import PinholeView
-from isetcl.scene.model import Scene
-from isetcl.spectrum import photopic_weights
-from isetcl.units import MM_PER_M
 
 AGREEMENT = 0.002
 """Largest bias of PSF methods against ray tracing on flat scenes, of the mean."""
 
-_REFERENCE = "aperture_samples"
 _PUPIL_SAMPLES = 256
-_FIELD_SAMPLES = 48
-_OPTIONS = ("layers", "slicing", "oversampling", "border", "hidden")
-# A step of about one standard deviation of the photopic weighting, whose sum then is near exact.
-_WAVELENGTHS_NM = (470.0, 515.0, 560.0, 605.0, 650.0)
+_OF_VIEWS = ("layers", "slicing", "oversampling", "border", "hidden", "fft")
+_OF_PSFS = ("psf_error", "psf_cache")
 
 
 @dataclass(frozen=True)
@@ -148,8 +141,8 @@ def error_bound(
 ) -> ErrorBound:
     """The error of a PSF method in every pixel, predicted from depth, blur and contrast.
 
-    Of the method with PSFs from the eye's own rays at the middle of the field, against ray tracing
-    without diffraction or scatter.
+    Against ray tracing without scatter: with the diffraction of the PSFs if they are the eye's own,
+    else with none.
 
     Parameters
     ----------
@@ -171,6 +164,8 @@ def error_bounds(
     eye: Eye,
     methods_named: Sequence[str],
     *,
+    psf: str | PsfKind | Psf = "geometric",
+    field: str | int = "centre",
     pupil_samples: int = _PUPIL_SAMPLES,
     wavelengths_nm: np.ndarray | None = None,
     fov_deg: float | tuple[float, float] | None = None,
@@ -180,7 +175,7 @@ def error_bounds(
 ) -> dict[str, ErrorBound]:
     """The bounds of `error_bound` for several methods, which share one prediction of the truth.
 
-    It takes a rendering for every method and two more, at five wavelengths.
+    It takes a rendering for every method and about as long as five of M10, at five wavelengths.
 
     Parameters
     ----------
@@ -188,13 +183,16 @@ def error_bounds(
         As for `isetcl.psf_baseline.render`.
     methods_named
         Names of methods.
+    psf, field
+        The PSFs of the methods and how they change over the field, as for `render`.
     pupil_samples
         Rays through the pupil.
     wavelengths_nm
         Where it is evaluated; None is five across the visible range, or the nearest that a view
         or cube has.
     options
-        `layers`, `slicing`, `oversampling`, `border` and `hidden` of `render`.
+        `layers`, `slicing`, `oversampling`, `border`, `hidden`, `fft`, `psf_error` and `psf_cache`
+        of `render`.
 
     Returns
     -------
@@ -209,48 +207,38 @@ def error_bounds(
     names = [check_choice("method", name, methods()) for name in methods_named]
     samples = check_count("pupil_samples", pupil_samples, 8, MAX_SAMPLES)
     for name in options:
-        check_choice("option of error_bound", name, _OPTIONS)
+        check_choice("option of error_bound", name, _OF_VIEWS + _OF_PSFS)
+    check_field(field)
+    if not isinstance(psf, Psf):
+        psf = psf_kind(psf)
     grid = image_grid(scene, eye, fov_deg, resolution, centre_deg)
-    where: dict[str, Any] = options | {
+    views = {name: value for name, value in options.items() if name in _OF_VIEWS}
+    where: dict[str, Any] = {
         "fov_deg": grid.fov_deg,
         "resolution": grid.resolution,
         "centre_deg": grid.centre_deg,
-        "wavelengths_nm": _few_wavelengths(scene, wavelengths_nm),
+        "wavelengths_nm": few_wavelengths(scene, wavelengths_nm),
     }
-
-    def predicted(count: int) -> RetinalImage:
-        return render(scene, eye, method=_REFERENCE, pupil_samples=count, **where)
-
-    reference = predicted(samples)
-    truth, coarse = reference.brightness()[0], predicted(samples // 2).brightness()[0]
-    level = float(np.mean(truth[truth > 0])) if np.any(truth > 0) else 1.0
-    truth, coarse = truth / level, coarse / level
+    found = predict(scene, eye, psf, samples, views | where)
+    turn = np.abs(found.truth - found.centred)
+    blended = is_own(psf) and field not in ("centre", 1)
     common = {
-        "pupil": _around(np.abs(truth - coarse)),
-        "field": _field_part(truth, grid, reference.provenance["layers_dpt"]),
-        "hidden": _hidden_part(scene, grid, eye, options),
-        "agreement": AGREEMENT * truth,
+        "pupil": _around(np.abs(found.centred - found.coarse)),
+        "field": _around(turn / (NODES - 1) ** 2 if blended else turn),
+        "hidden": hidden_part(scene, grid, eye, views),
+        "agreement": AGREEMENT * np.maximum(found.centred, 0.0),
     }
-    strip = _strip(reference, grid)
+    strip = _strip(found.image, grid)
     bounds = {}
     for name in names:
-        made = render(scene, eye, method=name, **where)
-        estimate = made.brightness()[0] / level - truth
-        parts = {"edges": _around(np.abs(estimate)), **common}
+        made = render(scene, eye, method=name, psf=psf, field=field, **(options | where))
+        image = made.brightness()[0] / found.level
+        edges = _around(np.abs(image - (found.truth if blended else found.centred)))
+        parts = {"edges": edges, **common}
         bound = np.sum(list(parts.values()), axis=0)
         elapsed = time.perf_counter() - start
-        bounds[name] = ErrorBound(name, bound, estimate, parts, strip, elapsed)
+        bounds[name] = ErrorBound(name, bound, image - found.truth, parts, strip, elapsed)
     return bounds
-
-
-def _few_wavelengths(scene: Source, wavelengths_nm: np.ndarray | None) -> np.ndarray:
-    if wavelengths_nm is not None:
-        return image_wavelengths(scene, wavelengths_nm)
-    wanted = np.array(_WAVELENGTHS_NM)
-    if isinstance(scene, Scene):
-        return wanted
-    known = image_wavelengths(scene, None)
-    return np.unique(known[np.argmin(np.abs(known[:, None] - wanted), axis=0)])
 
 
 def _around(values: np.ndarray) -> np.ndarray:
@@ -258,153 +246,6 @@ def _around(values: np.ndarray) -> np.ndarray:
     from scipy.ndimage import maximum_filter
 
     return np.asarray(maximum_filter(values, 3, mode="nearest"))
-
-
-def _slope(image: np.ndarray, axis: int) -> np.ndarray:
-    """The larger of the changes to the next pixel before and after; 0 along an axis of one pixel.
-
-    Fine detail has no slope in differences over two pixels.
-    """
-    step = np.diff(image, axis=axis)
-    after = np.insert(step, step.shape[axis], 0.0, axis=axis)
-    before = np.insert(step, 0, 0.0, axis=axis)
-    return np.where(np.abs(after) >= np.abs(before), after, before)
-
-
-def _bend(image: np.ndarray) -> np.ndarray:
-    """Absolute Laplacian of an image, per pixel squared; borders are mirrored."""
-    around = np.pad(image, 1, mode="symmetric")
-    crossed = (
-        around[:-2, 1:-1] + around[2:, 1:-1] + around[1:-1, :-2] + around[1:-1, 2:] - 4.0 * image
-    )
-    return np.abs(crossed)
-
-
-def _field_part(truth: np.ndarray, grid: RetinalGrid, layers_dpt: list[float]) -> np.ndarray:
-    """What one PSF for the whole field changes: its shift and its spread at other places."""
-    if not layers_dpt:
-        return np.zeros_like(truth)
-    half = np.array(grid.fov_deg) / 2.0
-    x, y = np.meshgrid(
-        (grid.x_deg - grid.centre_deg[0]) / half[0], (grid.y_deg - grid.centre_deg[1]) / half[1]
-    )
-    right, up = _slope(truth, 1), -_slope(truth, 0)
-    bend = _bend(truth)
-    pitch = grid.pitch_deg[0]
-    part = np.zeros_like(truth)
-    for vergence in {min(layers_dpt), max(layers_dpt)}:
-        shift, variance = _field_change(grid, vergence, half)
-        moved = np.abs(
-            right * (shift[0, 0] * x + shift[0, 1] * y) + up * (shift[1, 0] * x + shift[1, 1] * y)
-        )
-        spread = 0.5 * variance / pitch**2 * np.hypot(x, y) / math.sqrt(2.0)
-        part = np.maximum(part, moved / pitch + spread * bend)
-    return part
-
-
-def _field_change(
-    grid: RetinalGrid, vergence_dpt: float, half_deg: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """Shift of the PSF's centroid, (2, 2), and the largest change of its variance at the corners.
-
-    The shift, in degrees, is that matrix times (x, y), which are 1 at the right and upper borders.
-    """
-    corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)])
-    moments = []
-    for corner in ((0, 0), *corners):
-        at = np.array(grid.centre_deg) + np.array(corner) * half_deg
-        rays = pupil_offsets(
-            grid.eye,
-            grid.wavelength_nm,
-            [vergence_dpt],
-            _FIELD_SAMPLES,
-            field_deg=(float(at[0]), float(at[1])),
-        )
-        offset = np.stack([rays.x_deg[0].ravel(), rays.y_deg[0].ravel()])
-        mean = offset @ rays.weights.ravel()
-        variance = float(((offset - mean[:, None]) ** 2).sum(axis=0) @ rays.weights.ravel()) / 2.0
-        moments.append((mean, variance))
-    (middle, own), *others = moments
-    shifts = np.array([mean - middle for mean, _ in others])
-    matrix = np.linalg.lstsq(corners.astype(float), shifts, rcond=None)[0].T
-    return matrix, max(abs(variance - own) for _, variance in others)
-
-
-def _hidden_part(scene: Source, grid: RetinalGrid, eye: Eye, options: dict[str, Any]) -> np.ndarray:
-    """What content behind a picture could change where the pupil sees behind its edges."""
-    even = None if isinstance(scene, Scene) else _even_front(scene)
-    if even is None or isinstance(scene, Scene):
-        return np.zeros(grid.shape)
-    shown = {k: v for k, v in options.items() if k != "hidden"}
-    full, seen = (
-        render(
-            even,
-            eye,
-            method=_REFERENCE,
-            pupil_samples=_PUPIL_SAMPLES,
-            wavelengths_nm=np.array([grid.wavelength_nm]),
-            fov_deg=grid.fov_deg,
-            resolution=grid.resolution,
-            centre_deg=grid.centre_deg,
-            hidden=hidden,
-            **shown,
-        )
-        for hidden in ("extend", "none")
-    )
-    lit = full.irradiance.values[0]
-    behind = 1.0 - seen.irradiance.values[0] / np.where(lit > 0, lit, 1.0)
-    return np.clip(behind, 0.0, 1.0) * _far_contrast(scene, grid, eye)
-
-
-def _far_contrast(scene: PinholeView | DepthImage, grid: RetinalGrid, eye: Eye) -> np.ndarray:
-    """Range of what lies in the farther half of the depths within reach of the blur.
-
-    Of the sharp picture, photopic, relative to its mean.
-    """
-    from scipy.ndimage import maximum_filter, minimum_filter
-
-    wavelengths = _few_wavelengths(scene, None)
-    stack = picture_stack(scene, wavelengths)
-    (front,) = stack.layers_on(ViewGrid(grid, 1, 0), np.array([-np.inf, np.inf]), False)
-    weights = photopic_weights(wavelengths)
-    weights = weights if np.any(weights > 0) else np.ones(len(wavelengths))
-    light = np.tensordot(stack.basis.spectra @ weights, front.colour, axes=1)
-    light = light / max(float(light.mean()), 1e-300)
-    verges = stack.vergence_map(grid)
-    pupil_m = eye.entrance_pupil(grid.wavelength_nm).diameter_mm / 2.0 / MM_PER_M
-    reach = math.degrees(pupil_m * float(np.ptp(verges))) / min(grid.pitch_deg)
-    size = 2 * math.ceil(min(reach, max(grid.shape))) + 1
-    # Twice the reach: whoever is within reach of a pixel near an edge must know of the edge too.
-    wide = 2 * size + 1
-    most, least = (f(verges, wide, mode="nearest") for f in (maximum_filter, minimum_filter))
-    is_far = verges <= (most + least) / 2.0
-    high = maximum_filter(np.where(is_far, light, -np.inf), size, mode="nearest")
-    low = minimum_filter(np.where(is_far, light, np.inf), size, mode="nearest")
-    known = np.isfinite(high) & np.isfinite(low)
-    return np.where(known, high, 0.0) - np.where(known, low, 0.0)
-
-
-def _even_front(scene: PinholeView | DepthImage) -> DepthImage | None:
-    """A white picture with the depth of one without hidden layers; None of others."""
-    if isinstance(scene, DepthImage):
-        if scene.hidden:
-            return None
-        return dataclasses.replace(scene, picture=np.ones(scene.shape), display=None)
-    if scene.layers > 1:
-        return None
-    seen = scene.dataset.isel(layer=0) if "layer" in scene.dataset.dims else scene.dataset
-    covered = (seen["object"].values >= 0) | (seen["radiance"].values > 0).any(axis=0)
-    x, y = seen["x"].values, seen["y"].values
-    step = float(abs(x[-1] - x[0])) / (len(x) - 1)
-    high = float(abs(y[-1] - y[0])) / (len(y) - 1) if len(y) > 1 else step
-    return DepthImage(
-        np.ones(covered.shape),
-        np.asarray(seen["vergence_dpt"].values, np.float64),
-        (step * len(x), high * len(y)),
-        alpha=covered.astype(np.float64),
-        centre_deg=(float(x[0] + x[-1]) / 2.0, float(y[0] + y[-1]) / 2.0),
-        depth_unit="dpt",
-    )
 
 
 def _strip(image: RetinalImage, grid: RetinalGrid) -> np.ndarray:

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
-from isetcl.psf_baseline.depth_image import DepthImage, DepthUnit
+from isetcl.psf_baseline.camera import Projection
+from isetcl.psf_baseline.depth_image import DepthImage, DepthKind, DepthUnit
 from isetcl.scene.display import Display
 from isetcl.scene.pbrt.pictures import FLOAT_SUFFIXES, read_floats
 from isetcl.scene.texture import Image, load_image
@@ -70,6 +71,8 @@ def load_depth_image(
     *,
     depth_unit: DepthUnit = "m",
     depth_scale: float | None = None,
+    depth_kind: DepthKind = "z",
+    projection: Projection = "perspective",
     display: Display | None = None,
     **options: Any,
 ) -> DepthImage:
@@ -82,7 +85,7 @@ def load_depth_image(
         are linear light, NPY of an unsigned type codes.
     depth, depth_scale
         As `path` and `scale` of `load_depth`.
-    fov_deg, depth_unit, display
+    fov_deg, depth_unit, depth_kind, projection, display
         As of a `DepthImage`.
     options
         `alpha`, `hidden`, `centre_deg`, `name` of a `DepthImage`.
@@ -99,19 +102,27 @@ def load_depth_image(
     check_type("picture", picture, (str, Path))
     file = Path(picture)
     options.setdefault("name", file.name)
-    light = _light(file, display)
+    light = read_light(file, display)
     return DepthImage(
         light,
         load_depth(depth, depth_scale),
         fov_deg,
         depth_unit=depth_unit,
+        depth_kind=depth_kind,
+        projection=projection,
         display=display,
         **options,
     )
 
 
-def _light(file: Path, display: Display | None) -> Image | np.ndarray:
-    """A photograph as a `DepthImage` takes it."""
+def read_light(file: Path, display: Display | None) -> Image | np.ndarray:
+    """A photograph as a `DepthImage` takes it.
+
+    Raises
+    ------
+    FileError
+        If it cannot be read.
+    """
     if not file.is_file():
         raise FileError(f"image file {str(file)!r} does not exist")
     suffix = file.suffix.lower()

@@ -8,22 +8,16 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice, check_type
 from isetcl.eye.model import Eye
-from isetcl.psf_baseline.depth_image import DepthImage, Picture
-from isetcl.psf_baseline.picture_stack import (
-    BORDERS,
-    HIDDEN,
-    Border,
-    Hidden,
-    PictureStack,
-    Sheet,
-)
+from isetcl.psf_baseline.borders import BORDERS, Border
+from isetcl.psf_baseline.depth_image import DepthImage
+from isetcl.psf_baseline.picture_light import shown, srgb
+from isetcl.psf_baseline.picture_stack import HIDDEN, Hidden, PictureStack, Sheet
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.pinhole_view import PinholeView
 from isetcl.scene.basis import SpectralBasis
 from isetcl.scene.cube import SpectralCube
 from isetcl.scene.display import Display, display_primaries
 from isetcl.scene.model import Scene
-from isetcl.scene.texture import Image
 from isetcl.spectrum import Spectrum, check_wavelengths, default_wavelengths_nm
 
 Source = Scene | PinholeView | DepthImage
@@ -43,6 +37,9 @@ def image_grid(
 ) -> RetinalGrid:
     """The pixels of an image; what is None is that of the picture, 10 deg and 256 for a scene.
 
+    Of a picture in perspective it is the largest image about its middle that it fills: its corners
+    lie nearer than its width and height in degrees tell.
+
     Raises
     ------
     InvalidInputError
@@ -58,6 +55,8 @@ def image_grid(
         left, top, (width, height), (rows, columns) = _window(source)
         own_fov, own_resolution = (columns * width, rows * height), (columns, rows)
         own_centre = (left + own_fov[0] / 2.0, top - own_fov[1] / 2.0)
+        if isinstance(source, DepthImage):
+            own_fov = source.even_fov_deg
     return RetinalGrid.of(
         eye,
         own_fov if fov_deg is None else fov_deg,
@@ -126,7 +125,19 @@ def picture_stack(
         spectra, sheets = _of_image(source, wavelengths_nm)
         name, digest = source.name, source.digest()
     basis = SpectralBasis(spectra, np.zeros(len(spectra)), ())
-    return PictureStack(name, digest, left, top, pitch, basis, tuple(sheets), border, hidden)
+    return PictureStack(
+        name=name,
+        digest_text=digest,
+        left_deg=left,
+        top_deg=top,
+        pitch_deg=pitch,
+        basis=basis,
+        sheets=tuple(sheets),
+        border=border,
+        hidden=hidden,
+        camera=source.camera if isinstance(source, DepthImage) else None,
+        projection=source.projection if isinstance(source, DepthImage) else "angular",
+    )
 
 
 def _window(
@@ -181,7 +192,7 @@ def _of_image(image: DepthImage, wavelengths_nm: np.ndarray) -> tuple[np.ndarray
         planes = [colour[:, k] for k in range(len(pictures))]
     else:
         display = image.display
-        lights = [_light(picture, display) for picture in pictures]
+        lights = [shown(picture, display) for picture in pictures]  # type: ignore[arg-type]
         is_grey = all(light.ndim == 2 for light in lights)
         planes = [_channels(light, is_grey) for light in lights]
         spectra = np.stack([s.at(wavelengths_nm) for s in _display_spectra(display, is_grey)])
@@ -190,29 +201,6 @@ def _of_image(image: DepthImage, wavelengths_nm: np.ndarray) -> tuple[np.ndarray
         for plane, (vergence, alpha) in zip(planes, image.maps, strict=True)
     ]
     return spectra, sheets
-
-
-def _light(picture: Picture, display: Display | None) -> np.ndarray:
-    """Linear light, (rows, columns) or (rows, columns, 3), the black level of a display added."""
-    if isinstance(picture, Image):
-        light = picture.texels.astype(np.float64)
-    else:
-        raw = np.asarray(picture)
-        light = raw.astype(np.float64)
-        if raw.dtype.kind == "u":
-            light = (display or _srgb()).decoded(raw)
-    light = light[..., 0] if light.shape[2:] == (1,) else light
-    if not np.all(np.isfinite(light)) or np.any(light < 0):
-        raise InvalidInputError("a picture must be finite and >= 0 (linear light); repair it first")
-    if display is None:
-        return light
-    assert display.luminance_cd_m2 is not None
-    black = display.black_level_cd_m2 / display.luminance_cd_m2
-    return black + (1.0 - black) * light
-
-
-def _srgb() -> Display:
-    return Display((1, 1), width_m=1.0)
 
 
 def _channels(light: np.ndarray, is_grey: bool) -> np.ndarray:
@@ -225,7 +213,7 @@ def _channels(light: np.ndarray, is_grey: bool) -> np.ndarray:
 def _display_spectra(display: Display | None, is_grey: bool) -> list[Spectrum]:
     """Spectral radiances of the primaries, or of white alone."""
     if display is None:
-        return [_srgb().white] if is_grey else list(display_primaries())
+        return [srgb().white] if is_grey else list(display_primaries())
     assert display.primaries is not None
     return [display.white] if is_grey else list(display.primaries)
 

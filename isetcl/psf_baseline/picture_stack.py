@@ -6,11 +6,14 @@ over its area, so that light is kept whatever the two pixel sizes are.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from isetcl.psf_baseline.borders import Border, pixel_index
+from isetcl.psf_baseline.camera import Camera, Projection
 from isetcl.psf_baseline.view import Layer, ViewGrid
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
@@ -18,8 +21,6 @@ from isetcl.scene.basis import SpectralBasis
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Border = Literal["reflect", "zero", "replicate"]
-BORDERS = ("reflect", "zero", "replicate")
 Hidden = Literal["extend", "none"]
 HIDDEN = ("extend", "none")
 
@@ -61,6 +62,11 @@ class PictureStack:
     hidden
         Behind the only sheet of a picture without hidden layers: ``"extend"`` takes the nearest
         pixel that is farther away; ``"none"`` is dark and empty.
+    camera
+        Of a picture in perspective; None where its pixels are, or are as good as, even steps of
+        field angle.
+    projection
+        ``"perspective"`` or ``"angular"``, as the picture says or is taken to be.
     """
 
     name: str
@@ -72,6 +78,8 @@ class PictureStack:
     sheets: tuple[Sheet, ...]
     border: Border
     hidden: Hidden
+    camera: Camera | None = None
+    projection: Projection = "angular"
 
     def digest(self) -> str:
         """A hash of what the pictures hold, for provenance."""
@@ -115,18 +123,14 @@ class PictureStack:
             "border_deg": reach_deg,
             "blur_is_wider_than_image": reach_deg > min(grid.fov_deg),
             "hidden": self.hidden if len(self.sheets) == 1 else "given",
+            "projection": self.projection,
+            "is_reprojected": self.camera is not None,
         }
 
     def layers_on(self, view: ViewGrid, edges_dpt: np.ndarray, complete: bool) -> list[Layer]:
         """The layers between edges on the samples of a view, far to near; see `take_layers`."""
+        sample = self._sampler(view)
         rows, columns = self.sheets[0].alpha.shape
-        y_deg, x_deg = self.top_deg - view.y_deg(0.0), view.x_deg(0.0) - self.left_deg
-        down = _overlap(
-            y_deg / self.pitch_deg[1], view.pitch_deg[1] / self.pitch_deg[1], rows, self.border
-        )
-        across = _overlap(
-            x_deg / self.pitch_deg[0], view.pitch_deg[0] / self.pitch_deg[0], columns, self.border
-        )
         which = [
             np.where(sheet.alpha > 0, np.searchsorted(edges_dpt, sheet.vergence_dpt) - 1, -1)
             for sheet in self.sheets
@@ -140,25 +144,40 @@ class PictureStack:
                 place, source = extended[k]
                 planes[:, place] = self._pixels(source)
             planes = planes.reshape(-1, rows, columns)
-            sampled = np.stack([np.asarray((across @ (down @ p).T).T) for p in planes])
-            sampled = sampled.astype(np.float32)
+            sampled = np.stack([sample(plane) for plane in planes]).astype(np.float32)
             total = float(sampled[-2].sum(dtype=np.float64))
             if total > 0:
                 mean = float(sampled[-1].sum(dtype=np.float64)) / total
                 layers.append(Layer(mean, sampled[:-2], sampled[-2], sampled[-1]))
         return layers
 
+    def _sampler(self, view: ViewGrid) -> Callable[[np.ndarray], np.ndarray]:
+        """A function that takes pixels to the means over the samples of a view."""
+        rows, columns = self.sheets[0].alpha.shape
+        x_deg, y_deg = view.x_deg(0.0), view.y_deg(0.0)
+        if self.camera is not None:
+            shares = self.camera.shares(x_deg, y_deg, view.pitch_deg, self.border)
+            return lambda plane: (shares @ plane.ravel()).reshape(view.shape)
+        wide, high = self.pitch_deg
+        width, height = view.pitch_deg
+        down = _overlap((self.top_deg - y_deg) / high, height / high, rows, self.border)
+        across = _overlap((x_deg - self.left_deg) / wide, width / wide, columns, self.border)
+        return lambda plane: np.asarray((across @ (down @ plane).T).T)
+
     def vergence_map(self, grid: RetinalGrid) -> np.ndarray:
         """Vergence of what the middles of an image's pixels look at, (rows, columns); 0 if none."""
         rows, columns = self.sheets[0].alpha.shape
-        row, in_rows = _index((self.top_deg - grid.y_deg) / self.pitch_deg[1], rows, self.border)
-        column, in_columns = _index(
-            (grid.x_deg - self.left_deg) / self.pitch_deg[0], columns, self.border
-        )
         seen = np.zeros((rows, columns))
         for sheet in reversed(self.sheets):
             seen = np.where(sheet.alpha > 0.5, sheet.vergence_dpt, seen)
-        return np.where(in_rows[:, None] & in_columns, seen[np.ix_(row, column)], 0.0)
+        if self.camera is not None:
+            at_column, at_row = self.camera.places(grid.x_deg[None, :], grid.y_deg[:, None])
+        else:
+            at_column = ((grid.x_deg - self.left_deg) / self.pitch_deg[0])[None, :]
+            at_row = ((self.top_deg - grid.y_deg) / self.pitch_deg[1])[:, None]
+        row, in_rows = pixel_index(at_row, rows, self.border)
+        column, in_columns = pixel_index(at_column, columns, self.border)
+        return np.where(in_rows & in_columns, seen[row, column], 0.0)
 
     def _planes(self, which: list[np.ndarray], k: int, complete: bool) -> np.ndarray:
         """Colour, coverage and vergence of one layer by pixel, (basis + 2, pixels)."""
@@ -216,16 +235,6 @@ def _extended(which: np.ndarray, count: int) -> list[tuple[np.ndarray, np.ndarra
     return filled
 
 
-def _index(place: np.ndarray, count: int, border: Border) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels that places (in pixels) fall on, continued beyond the border, and which are real."""
-    pixel = np.floor(place).astype(int)
-    inside = (pixel >= 0) & (pixel < count)
-    if border == "reflect":
-        turned = pixel % (2 * count)
-        return np.minimum(turned, 2 * count - 1 - turned), np.ones_like(inside)
-    return np.clip(pixel, 0, count - 1), inside | (border == "replicate")
-
-
 def _overlap(start: np.ndarray, width: float, count: int, border: Border) -> csr_array:
     """Share of each pixel in each sample, a sparse matrix (samples, pixels).
 
@@ -242,7 +251,7 @@ def _overlap(start: np.ndarray, width: float, count: int, border: Border) -> csr
     pixel = np.floor(start)[:, None] + np.arange(reach)
     low, high = np.maximum(start[:, None], pixel), np.minimum(start[:, None] + width, pixel + 1.0)
     share = np.maximum(high - low, 0.0) / width
-    index, is_real = _index(pixel + 0.5, count, border)
+    index, is_real = pixel_index(pixel + 0.5, count, border)
     sample = np.broadcast_to(np.arange(len(start))[:, None], pixel.shape)
     values = (share * is_real).ravel()
     kept = values > 1e-9

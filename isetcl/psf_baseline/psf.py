@@ -133,7 +133,7 @@ def geometric_psf(
     if field_deg == (0.0, 0.0) and eye.is_rotational:
         radius_deg, weights = _axial_spread(eye, wavelength_nm, vergence_dpt)
         return _turned(radius_deg / pitch_deg, weights, pitch_deg)
-    x, y, weights = _field_spread(eye, wavelength_nm, vergence_dpt, field_deg)
+    x, y, weights = spread_deg(eye, wavelength_nm, vergence_dpt, field_deg)
     return _deposited(x / pitch_deg, y / pitch_deg, weights, pitch_deg)
 
 
@@ -157,13 +157,20 @@ def _axial_spread(
     return field[rays.passed, 1], (flux / flux.sum())[rays.passed]
 
 
-def _field_spread(
-    eye: Eye, wavelength_nm: float, vergence_dpt: float, field_deg: tuple[float, float]
+def spread_deg(
+    eye: Eye,
+    wavelength_nm: float,
+    vergence_dpt: float,
+    field_deg: tuple[float, float],
+    count: int = _PUPIL_RAYS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Offsets (x, y) from the chief ray in degrees, and flux, of rays that fill the pupil."""
+    """Offsets (x, y) from the chief ray in degrees, and flux, of rays that fill the pupil.
+
+    As many of the `count` rays as pass; the sum of the flux is 1.
+    """
     pupil = paraxial.entrance_pupil(eye, wavelength_nm)
-    i = np.arange(_PUPIL_RAYS)
-    radius = 1.3 * pupil.radius_mm * np.sqrt((i + 0.5) / _PUPIL_RAYS)
+    i = np.arange(count)
+    radius = 1.3 * pupil.radius_mm * np.sqrt((i + 0.5) / count)
     turn = i * math.pi * (3.0 - math.sqrt(5.0))
     points = np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1)
     middle = eye.field_map(wavelength_nm).entrance_mm(*np.array(field_deg))

@@ -178,5 +178,5 @@ class DirectPipeline:
         size = (padded // self._plan.config.vector_width, self._n_bands)
         cl.enqueue_nd_range_kernel(queue, self._kernel, size, (self._device.work_group_size, 1))
         film = np.empty((self._channels, padded), dtype=self._real)
-        cl.enqueue_copy(queue, film, self._film)
+        self._device.download(film, self._film)
         return film[:, :pixels].astype(np.float64).reshape(-1, tile.rows, tile.columns)

@@ -172,6 +172,7 @@ class Film:
             "chromatic_displacement_pixels": prepared.band_choice.displacement_pixels,
             "bands_nm": [band.wavelength_nm for band in prepared.band_choice.bands],
             "precision": prepared.config.precision,
+            "sampler": prepared.config.sampler,
             "tile": list(prepared.tile),
             **prepared.bends.describe(),
             "media": None if prepared.media is None else prepared.media.describe(),

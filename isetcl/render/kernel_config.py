@@ -19,6 +19,7 @@ class MaterialKind(IntEnum):
     IMAGE = 2
 
 
+Sampler = Literal["sobol", "random"]
 BendKind = Literal["none", "airy", "iset3d", "optrace", "isotropic"]
 _HURB_AXES: tuple[BendKind, ...] = ("iset3d", "optrace", "isotropic")
 
@@ -40,6 +41,7 @@ def eye_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
             "DIFFRACTION_AIRY": int(config.diffraction == "airy"),
             "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
             "HAS_SCATTER": int(config.has_scatter),
+            "RANDOM_SAMPLES": int(config.sampler == "random"),
         }
     )
 
@@ -72,6 +74,8 @@ class KernelConfig(EyeFeatures):
         Textures in the scene.
     texture_channels, is_texture_packed
         Format of image texels: 1 or 3 floats, or 3 channels in one word.
+    sampler
+        Where samples come from: Owen-scrambled Sobol' points, or independent random numbers.
     """
 
     precision: Precision
@@ -92,6 +96,7 @@ class KernelConfig(EyeFeatures):
     has_images: bool = True
     texture_channels: int = 3
     is_texture_packed: bool = False
+    sampler: Sampler = "sobol"
 
     def defines(self, device: Device) -> dict[str, int]:
         """The #defines, those of the device included."""
@@ -179,6 +184,8 @@ class PathConfig(EyeFeatures):
         Surfaces that let light pass.
     n_basis
         Film channels a band: the wavelengths a path carries.
+    sampler
+        As in `KernelConfig`.
     """
 
     precision: Precision
@@ -217,6 +224,7 @@ class PathConfig(EyeFeatures):
     has_cutouts: bool = True
     has_additive: bool = True
     n_basis: int = 4
+    sampler: Sampler = "sobol"
 
     @property
     def most_segments(self) -> int:
@@ -265,5 +273,6 @@ class PathConfig(EyeFeatures):
             "HAS_SPOTS": int(self.has_spots),
             "HAS_ENVIRONMENT": int(self.has_environment),
             "HAS_CUTOUTS": int(self.has_cutouts),
+            "RANDOM_SAMPLES": int(self.sampler == "random"),
             "HAS_ADDITIVE": int(self.has_additive),
         }

@@ -161,8 +161,6 @@ class PathPipeline:
 
     def _trace(self, tile: Tile, first: int, count: int, block: int, stream: int) -> np.ndarray:
         """The film of `count` samples of a tile, from the first bounce to the last."""
-        import pyopencl as cl
-
         padded = self._pad(tile.columns * tile.rows)
         assert padded <= self._padded, "a tile must not be larger than the plan's"
         bits = max(1, int(block * self._n_bands - 1).bit_length())
@@ -173,7 +171,7 @@ class PathPipeline:
         else:
             self._take_turns(padded, samples)
         film = np.empty((self._n_bands * 4, padded), dtype=self._real)
-        cl.enqueue_copy(self._device.queue, film, self._film)
+        self._device.download(film, self._film)
         pixels = tile.columns * tile.rows
         return film[:, :pixels].astype(np.float64).reshape(-1, tile.rows, tile.columns)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -34,6 +34,7 @@ from isetcl.render.kernel_config import (
     TEXELS_PER_FOOTPRINT,
     KernelConfig,
     PathConfig,
+    Sampler,
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
 from isetcl.render.plan_bends import NO_BENDS, Bends, decide_bends
@@ -165,6 +166,7 @@ def plan(
     media: OcularMedia | None = None,
     diffraction: DiffractionChoice = "none",
     scatter: ScatterModel | None = None,
+    sampler: Sampler = "sobol",
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -192,6 +194,7 @@ def plan(
     check_eye_wavelengths(eye, wavelengths)
     max_bounces = check_count("max_bounces", max_bounces, 0, 1000)
     check_choice("pipeline", pipeline, ("auto", "paths"))
+    check_choice("sampler", sampler, get_args(Sampler))
     is_direct = scene.is_flat_light and pipeline == "auto"
     # Either way every spectrum must be known at all wavelengths.
     basis = spectral_basis(scene, wavelengths) if is_direct else None
@@ -214,12 +217,15 @@ def plan(
         check_mesh_memory(scene, resolved)
         images = path_images(scene, grid, notes)
     width = _decide_width(chosen_device, resolved, notes)
+    if sampler == "random":
+        notes.append(Decision("samples", "random", "asked for: noisier than Sobol' points"))
     config: KernelConfig | PathConfig
     if basis is not None:
         config = KernelConfig(
             precision=resolved,
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
+            sampler=sampler,
             **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
@@ -229,6 +235,7 @@ def plan(
             precision=resolved,
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
+            sampler=sampler,
             max_bounces=decide_bounces(scene, max_bounces, notes),
             **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]

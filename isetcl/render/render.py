@@ -19,7 +19,7 @@ from isetcl.render.direct import DirectPipeline
 from isetcl.render.film import Film
 from isetcl.render.goal import Goal
 from isetcl.render.interrupt import DeferredInterrupt
-from isetcl.render.kernel_config import KernelConfig
+from isetcl.render.kernel_config import KernelConfig, Sampler
 from isetcl.render.paths import PathPipeline
 from isetcl.render.pinhole import look_at
 from isetcl.render.plan import DEFAULT_BOUNCES, check_memory, plan
@@ -47,6 +47,7 @@ def render(
     media: OcularMedia | None = None,
     diffraction: DiffractionChoice = "none",
     scatter: ScatterModel | None = None,
+    sampler: Sampler = "sobol",
     seed: int = 0,
     device: str | None = None,
     progress: bool | ProgressCallback | None = None,
@@ -96,6 +97,9 @@ def render(
         whichever of "airy" and "hurb" comes nearer to the exact one.
     scatter
         Light that is scattered inside the eye; None leaves it out.
+    sampler
+        ``"sobol"``: Owen-scrambled points; ``"random"``: independent random numbers, which are
+        noisier, for references that share no point set with what they judge.
     seed
         Images of different seeds are independent.
     device
@@ -135,8 +139,10 @@ def render(
         media=media,
         diffraction=diffraction,
         scatter=scatter,
+        sampler=sampler,
     )
     check_memory(prepared)
+    transferred_s = prepared.device.transfer_s
     is_direct = isinstance(prepared.config, KernelConfig)
     pipeline = DirectPipeline(prepared) if is_direct else PathPipeline(prepared)
     film = Film(prepared, pipeline, seed)
@@ -159,6 +165,7 @@ def render(
     details = {
         "is_complete": is_complete,
         "elapsed_s": time.perf_counter() - start,
+        "transfer_s": prepared.device.transfer_s - transferred_s,
         "kernel": pipeline.kernel_digest,
     }
     is_simple = not scene.has_meshes and all(item.is_opaque for item in scene.objects)

@@ -7,6 +7,12 @@
  * bits   digits of the largest sample number
  */
 INLINE void sobol_point(uintv index, int bits, uintv stream, realv *coordinate) {
+#if RANDOM_SAMPLES
+  coordinate[0] = random_coordinate(index, mix_bits(stream));
+  coordinate[1] = random_coordinate(index, mix_bits(stream + 0x632be5abu));
+  coordinate[2] = random_coordinate(index, mix_bits(stream + 0xc657cb56u));
+  coordinate[3] = random_coordinate(index, mix_bits(stream + 0x2983b101u));
+#else
   uintv x = 0, y = 0, z = 0, w = 0;
   for (int bit = 0; bit < bits; ++bit) {
     const uint4 direction = SOBOL_DIRECTIONS_BY_BIT[bit];
@@ -20,6 +26,7 @@ INLINE void sobol_point(uintv index, int bits, uintv stream, realv *coordinate) 
   coordinate[1] = unit_real(owen_scramble(y, mix_bits(stream + 0x632be5abu)));
   coordinate[2] = unit_real(owen_scramble(z, mix_bits(stream + 0xc657cb56u)));
   coordinate[3] = unit_real(owen_scramble(w, mix_bits(stream + 0x2983b101u)));
+#endif
 }
 
 /* bounce_numbers - four numbers in [0, 1) for one bounce of a path.

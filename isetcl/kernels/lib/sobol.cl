@@ -62,11 +62,24 @@ INLINE realv unit_real(uintv digits) {
 #endif
 }
 
+/* random_coordinate - number `index` of an independent random sequence, in [0, 1).
+ *
+ * Two rounds of a hash with two words of `seed`: sequences of other seeds are not shifts of this one.
+ */
+INLINE realv random_coordinate(uintv index, uintv seed) {
+  return unit_real(mix_bits(mix_bits(index + seed) + mix_bits(seed ^ 0x68bc21ebu)));
+}
+
 /* sobol_coordinate - coordinate `dimension` of sample `index`, in [0, 1).
  *
+ * RANDOM_SAMPLES: independent random numbers instead, for references that share no point set.
  * stream   a word for each lane, from (seed, replicate, pixel)
  */
 INLINE realv sobol_coordinate(uint index, int dimension, uintv stream) {
   uintv seed = mix_bits(stream + (uint)dimension * 0x632be5abu);
+#if RANDOM_SAMPLES
+  return random_coordinate((uintv)(index), seed);
+#else
   return unit_real(owen_scramble((uintv)(sobol_digits(index, dimension)), seed));
+#endif
 }

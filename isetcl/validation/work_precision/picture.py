@@ -1,0 +1,86 @@
+"""The work-precision diagram: error against time in log-log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from isetcl.validation.work_precision.result import WorkPrecision
+
+_MARKERS = "osD^vPX*hp<>"
+_FEWEST_DECADES = 0.3
+
+
+def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
+    """One curve for each method with its intervals; targets and the reference's noise as lines.
+
+    Hollow markers are points the reference is noisier than, or whose times differed too much.
+    """
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
+
+    data = result.dataset
+    has_times = bool(result.provenance.get("has_times", True))
+    if ax is None:
+        ax = Figure(figsize=(8.5, 5.2), layout="constrained").subplots()
+    colours = colormaps["tab10"].colors  # type: ignore[attr-defined]
+    for m, name in enumerate(data["curve"].values):
+        own = result.of(str(name))
+        own = own.isel(point=np.flatnonzero(own["rmse"].values > 0))
+        x = own["time_s"].values if has_times else own["value"].values
+        error = 100.0 * own["rmse"].values
+        ends = [100.0 * own[f"rmse_{end}"].values for end in ("low", "high")]
+        bars = np.maximum([error - ends[0], ends[1] - error], 0.0)
+        # A bar down to 0 has no place on a log axis.
+        bars[0] = np.minimum(bars[0], 0.9 * error)
+        order = np.argsort(x)
+        colour, marker = colours[m % 10], _MARKERS[m % len(_MARKERS)]
+        ax.errorbar(
+            *(x[order], error[order]), bars[:, order], color=colour, lw=1.3, capsize=2, alpha=0.85
+        )
+        hollow = own["is_limited"].values | own["is_noisy"].values
+        ax.plot(x[~hollow], error[~hollow], marker, color=colour, label=None, ms=6)
+        ax.plot(x[hollow], error[hollow], marker, color=colour, mfc="white", ms=6)
+        ax.plot([], [], marker=marker, color=colour, label=str(name))
+    _draw_lines(result, ax)
+    ax.set_xscale("log")
+    ax.set_yscale("log")
+    _widen(ax)
+    clock = {"wall": "time of an image (s)", "cpu": "processor time of an image (s)"}
+    ax.set_xlabel(clock[result.provenance["time"]] if has_times else "knob (times were too noisy)")
+    ax.set_ylabel("root mean square error (% of the mean)")
+    ax.grid(which="major", alpha=0.3)
+    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize=9, frameon=False)
+    return ax
+
+
+def _draw_lines(result: WorkPrecision, ax: Axes) -> None:
+    data = result.dataset
+    for i, target in enumerate(data["target"].values):
+        label = "targets" if i == 0 else None
+        ax.axhline(100.0 * float(target), color="0.35", ls="--", lw=1.0, label=label)
+    noise = 100.0 * float(data["reference_error"].max())
+    if noise > 0:
+        ax.axhline(noise, color="0.55", ls=":", lw=1.2, label="noise of the reference")
+    rounding = data["rounding"].values
+    known = rounding[np.isfinite(rounding) & (rounding > 0)]
+    if known.size:
+        ax.axhline(
+            100.0 * float(np.median(known)),
+            color="0.55",
+            ls="-.",
+            lw=1.0,
+            label="rounding, single precision",
+        )
+
+
+def _widen(ax: Axes) -> None:
+    """At least a part of a decade around the points, so that axes have labels."""
+    for get, set_ in ((ax.get_xlim, ax.set_xlim), (ax.get_ylim, ax.set_ylim)):
+        low, high = np.log10(get())
+        lack = max(0.0, 1.0 + _FEWEST_DECADES - (high - low)) / 2.0
+        set_(10 ** (low - lack), 10 ** (high + lack))

@@ -1,0 +1,238 @@
+"""The result of a study of error against run time: numbers, table, files and picture."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from isetcl.errors import FileError, InvalidInputError, check_choice, check_type
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.axes import Axes
+
+_TABLE = (
+    ("time_s", "time", "s"),
+    ("cpu_median_s", "CPU", "s"),
+    ("rmse", "rmse", "%"),
+    ("monte_carlo", "noise", "%"),
+    ("bias", "bias", "%"),
+    ("representation", "repr.", "%"),
+    ("rounding", "rounding", "%"),
+    ("discretisation", "discr.", "%"),
+    ("worst", "worst 1 %", "%"),
+    ("energy", "energy", "%"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class WorkPrecision:
+    """Error against run time of several methods.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        Dimension ``point`` (a method at one value of its knob, named by the coordinates
+        ``method``, ``knob``, ``value``): ``rmse`` with ``rmse_low`` and ``rmse_high``,
+        ``monte_carlo``, ``bias``, ``representation``, ``rounding``, ``discretisation``,
+        ``relative_mse``, ``worst``, ``energy``, times (s) with ``build_s`` and ``transfer_s``
+        apart, ``spread``, ``efficiency``; dimension ``curve`` (a method): slopes; (curve, target):
+        ``time_to_s`` and how it is known. Errors are relative to the mean of the reference,
+        intervals are of 95 %.
+    notes : tuple of str
+        What a reader must know.
+    provenance : dict
+    """
+
+    dataset: xarray.Dataset
+    notes: tuple[str, ...]
+    provenance: dict[str, Any]
+    _times: dict[tuple[str, float], np.ndarray] = field(default_factory=dict, repr=False)
+
+    def __post_init__(self) -> None:
+        import xarray
+
+        check_type("dataset", self.dataset, xarray.Dataset)
+
+    def of(self, method: str) -> xarray.Dataset:
+        """The points of one method.
+
+        Raises
+        ------
+        InvalidInputError
+            With the near matches, if there is no such method.
+        """
+        check_choice("method", method, self.dataset["curve"].values.tolist())
+        return self.dataset.isel(point=self.dataset["method"].values == method)
+
+    def faster(self, one: str, other: str, target: float = 0.01) -> tuple[float, float, float]:
+        """How many times sooner one method reaches an error than another, with its interval.
+
+        Resamples are paired, because all methods take the same seeds.
+
+        Raises
+        ------
+        InvalidInputError
+            If a name or target is unknown, or either method does not reach the error.
+        """
+        from isetcl.validation.work_precision.estimators import percentiles
+
+        found = []
+        for name in (one, other):
+            check_choice("method", name, self.dataset["curve"].values.tolist())
+            if (name, target) not in self._times:
+                raise InvalidInputError(
+                    f"no times to {target:g} are known; ask for it in targets, without noise"
+                )
+            times = self.dataset["time_to_s"]
+            row = self.dataset["curve"].values.tolist().index(name)
+            seconds = float(times[row].sel(target=target))
+            if not math.isfinite(seconds):
+                raise InvalidInputError(f"method {name!r} does not reach {100 * target:g} %")
+            found.append((seconds, self._times[name, target]))
+        (mine, my_draws), (theirs, their_draws) = found
+        with np.errstate(invalid="ignore"):
+            ratios = their_draws / my_draws
+        low, high = percentiles(ratios, int(self.dataset["images"].max()))
+        return theirs / mine, low, high
+
+    def table(self) -> str:
+        """All points as text, percent of the mean; ``~`` marks times that differed too much."""
+        data = self.dataset
+        head = ["method", "knob", *(f"{title} ({unit})" for _, title, unit in _TABLE)]
+        rows = [head]
+        for i in range(data.sizes["point"]):
+            row = [str(data["method"].values[i]), _knob(data, i)]
+            for name, _, unit in _TABLE:
+                value = float(data[name].values[i])
+                text = _number(100.0 * value if unit == "%" else value)
+                if name == "rmse":
+                    low, high = (
+                        100.0 * float(data[f"rmse_{e}"].values[i]) for e in ("low", "high")
+                    )
+                    text += f" [{_number(low)}, {_number(high)}]"
+                    text += " <ref" if data["is_limited"].values[i] else ""
+                if name == "time_s" and data["is_noisy"].values[i]:
+                    text = f"~{text}"
+                row.append(text)
+            rows.append(row)
+        return "\n".join([_aligned(rows), "", *self._summary(), *self.notes])
+
+    def _summary(self) -> list[str]:
+        """Slopes and times to targets, a line for each method."""
+        data = self.dataset
+        lines = []
+        for m, name in enumerate(data["curve"].values):
+            slopes = [float(data[f"slope{end}"].values[m]) for end in ("", "_low", "_high")]
+            words = [f"{name}:"]
+            if math.isfinite(slopes[0]):
+                words.append(
+                    f"error falls as knob^{slopes[0]:.2f} [{slopes[1]:.2f}, {slopes[2]:.2f}];"
+                )
+            for k, target in enumerate(data["target"].values):
+                seconds = float(data["time_to_s"].values[m, k])
+                how = str(data["time_to_how"].values[m, k])
+                text = how
+                if math.isfinite(seconds):
+                    ends = [float(data[f"time_to_{e}_s"].values[m, k]) for e in ("low", "high")]
+                    text = f"{seconds:.3g} s [{ends[0]:.3g}, {ends[1]:.3g}], {how}"
+                words.append(f"{100 * target:g} % {text};")
+            lines.append(" ".join(words).rstrip(";"))
+        return lines
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write a line for each point, all columns; returns the path.
+
+        Raises
+        ------
+        FileError
+        """
+        data = self.dataset
+        names = [n for n, v in data.variables.items() if v.dims == ("point",)]
+        lines = [names, *zip(*(data[n].values.tolist() for n in names), strict=True)]
+        target = Path(path)
+        try:
+            with target.open("w", encoding="utf-8", newline="") as file:
+                csv.writer(file).writerows(lines)
+        except OSError as error:
+            raise FileError(f"cannot write {target}: {error.strerror}") from error
+        return target
+
+    def record(self) -> dict[str, Any]:
+        """Everything as plain values: points, methods with their targets, notes, provenance."""
+        data = self.dataset
+        columns = {n: v.values.tolist() for n, v in data.variables.items() if v.dims == ("point",)}
+        points = [
+            dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)
+        ]
+        methods = []
+        for m, name in enumerate(data["curve"].values.tolist()):
+            own = data.isel(curve=m)
+            fits = {
+                n: own[n].item()
+                for n, v in data.variables.items()
+                if v.dims == ("curve",) and n != "curve"
+            }
+            goals = [
+                {"target": float(t)}
+                | {
+                    n: own[n].values[k].item()
+                    for n, v in data.variables.items()
+                    if v.dims == ("curve", "target")
+                }
+                for k, t in enumerate(data["target"].values)
+            ]
+            methods.append(fits | {"method": name, "targets": goals})
+        plain = {"points": points, "methods": methods, "notes": list(self.notes)}
+        return _plain(plain | {"provenance": self.provenance})
+
+    def to_json(self, path: str | Path) -> Path:
+        """Write `record`; what is not known is null. Returns the path.
+
+        Raises
+        ------
+        FileError
+        """
+        target = Path(path)
+        try:
+            target.write_text(json.dumps(self.record(), indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise FileError(f"cannot write {target}: {error.strerror}") from error
+        return target
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Error against time, a curve for each method, with the targets; returns the axes."""
+        from isetcl.validation.work_precision.picture import draw
+
+        return draw(self, ax)
+
+
+def _knob(data: xarray.Dataset, i: int) -> str:
+    return f"{data['knob'].values[i]} {float(data['value'].values[i]):g}"
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3g}"
+
+
+def _aligned(rows: list[list[str]]) -> str:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = ("  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in rows)
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _plain(value: Any) -> Any:
+    """The same without numbers that JSON does not have: NaN is null, infinity a word."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None if math.isnan(value) else "infinite"
+    return value
