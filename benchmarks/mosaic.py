@@ -178,7 +178,8 @@ def main() -> None:
     path = save(
         "mosaic",
         {
-            "machine_before": before,
+            "command": "python benchmarks/mosaic.py",
+            "load_before": before["load_before"],
             "versions": versions("scipy"),
             "mosaics": records,
             "quality": quality,

@@ -28,10 +28,11 @@ from isetcl.eye.model import Eye
 from isetcl.version import __version__
 
 DISORDER = 0.16
-"""Relative spread of the cones' sizes that makes 55 % of them six-sided, inside the fovea's rim.
+"""Relative spread of the cones' sizes that makes 52 % of them six-sided.
 
-Measured at 0.2 to 1.05 mm: 40 to 50 % (Lombardo, Serrao, Ducoli & Lombardo 2013), which cones
-missed in the images lower.
+Measured at 0.2 to 1.05 mm: 40 to 50 %, fewer farther out (Lombardo, Serrao, Ducoli & Lombardo
+2013); cones missed in the images make it less than it is. So a mosaic is at the regular end of
+what was measured in the parafovea, and more regular than that in the periphery.
 """
 
 
