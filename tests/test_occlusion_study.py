@@ -212,6 +212,26 @@ def test_table_figure_and_file_tell_the_same(figure_12, tmp_path):
         figure_12.save(tmp_path / "no" / "study.nc")
 
 
+def test_the_noise_of_the_reference_is_no_error():
+    wavelengths = np.array([550.0])
+    work = occlusion_cells.Work(
+        ("one",), wavelengths, (1.0, 1.0), navarro, False, 60, 2.5, 64, 0, None, 0.02
+    )
+    rng = np.random.default_rng(3)
+    error = 0.05
+    noise = np.full((1, 20, 60), error**2)
+    off = error * rng.standard_normal((1, 1, 20, 60))
+    found = work._errors(off, noise, 10.0)
+    # 480 pixels: the mean square is known to 6.5 %.
+    assert found["strip_rms"].item() < 0.5 * error
+    assert found["reach_arcmin"].item() == 0.0
+    off[..., 24:36] += 0.2
+    found = work._errors(off, noise, 10.0)
+    assert found["strip_rms"].item() == pytest.approx(0.2 * np.sqrt(12 / 24), rel=0.05)
+    assert found["reach_arcmin"].item() == pytest.approx(6 * 50.0 / 60)
+    assert found["strip_bias"].item() == pytest.approx(0.1, rel=0.1)
+
+
 GRID = {
     "methods": ("layered_sum",),
     "focus": ("near",),
