@@ -52,6 +52,7 @@ setup(
             "mypy>=1.8",
             "psutil>=5.9",
         ],
+        "gpu-fft": ["pyvkfft>=2024.1"],
         "peers": ["batoid>=0.8", "mitsuba>=3.5", "embreex>=2.17", "optiland>=0.6"],
     },
     entry_points={"console_scripts": ["isetcl = isetcl.cli:main"]},

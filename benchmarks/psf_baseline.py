@@ -5,6 +5,13 @@ version has the same layers and PSFs, does the same sums, and blurs every layer 
 by `scipy.signal.fftconvolve` in single precision; it is timed at every eighth wavelength and
 counted for all. A whole render takes the views of the scene as well. Memory is that of a process of
 its own, of a whole render.
+
+With `--deeplens PYTHON`, an interpreter that has the package deeplens-core, its layered rendering
+`conv_psf_occlusion` of the same layers joins in, by a process of that interpreter. Its method is
+M5, and so is isetcl's here, and it knows no shares: every sample is given to the layer that has
+most of it, for both. It convolves directly with the square kernels, all as large as the largest,
+where both others use Fourier transforms: it is timed once, at one wavelength, and counted for all.
+deeplens-core 2.5.6 is under the Apache licence 2.0 and needs Python 3.12 and torch.
 """
 
 from __future__ import annotations
@@ -122,6 +129,50 @@ def ours(job: Job, of: Layers) -> list[np.ndarray]:
         return list(pool.map(at, range(len(psfs))))
 
 
+def deeplens(job: Job, of: Layers, args: argparse.Namespace, folder: str) -> dict[str, object]:
+    """M5 by DeepLens at the middle wavelength, counted for all, and by isetcl at all."""
+    psfs, layers, numbers = of
+    hard = one_layer_each(layers)
+    i = len(psfs) // 2
+    mix = job.basis.spectra[:, i].astype(np.float32)
+    own = [psfs[i][k] for k in numbers]
+    reach = max(psf.radius for psf in own)
+    path = str(Path(folder) / "layers.npz")
+    np.savez(
+        path,
+        picture=sum(np.tensordot(mix, layer.colour, axes=1) for layer in hard),
+        layer=np.argmax([layer.coverage for layer in hard], axis=0),
+        psfs=np.stack([np.pad(p.kernel, reach - p.radius) for p in own]).astype(np.float32),
+    )
+    peer = Path(__file__).with_name("deeplens_peer.py")
+    command = [args.deeplens, str(peer), path]
+    found = json.loads(
+        subprocess.run(command, capture_output=True, text=True, check=True).stdout.splitlines()[-1]
+    )
+    image = ours(job, (psfs, hard, numbers))
+    times = [seconds(lambda: ours(job, (psfs, hard, numbers))) for _ in range(args.rounds)]
+    # Beyond the view it has nothing, isetcl the mean of the view.
+    inner = (slice(2 * reach, -2 * reach),) * 2
+    away = np.abs(image[i] - np.load(f"{path}.npy"))[inner]
+    return {
+        "deeplens_s": found["seconds"] * len(psfs),
+        "blur_s": statistics.median(times),
+        "kernel_samples": 2 * reach + 1,
+        "largest_difference": float(away.max()) / float(np.mean(image[i])),
+        "versions": found["versions"] | {"python": found["python"]},
+    }
+
+
+def one_layer_each(layers: list[Layer]) -> list[Layer]:
+    """Layers of samples that belong to one alone, of the whole radiance."""
+    most = np.argmax([layer.coverage for layer in layers], axis=0)
+    colour = sum(layer.colour for layer in layers)
+    return [
+        Layer(layer.vergence_dpt, colour * (most == k), (most == k).astype(np.float32))
+        for k, layer in enumerate(layers)
+    ]
+
+
 def seconds(function: Callable[[], object]) -> float:
     start = time.perf_counter()
     function()
@@ -164,6 +215,7 @@ def main() -> None:
     parser.add_argument("--wavelengths", type=int, default=31)
     parser.add_argument("--layers", type=int, default=16)
     parser.add_argument("--psf", default="wave")
+    parser.add_argument("--deeplens", metavar="PYTHON")
     args = parser.parse_args()
     results: dict[str, dict[str, float]] = {}
     ratios, differences = {}, {}
@@ -196,6 +248,10 @@ def main() -> None:
                 "render_peak_mb": whole["peak_mb"],
             }
             ratios[method] = other / blur
+        peer = None
+        if args.deeplens is not None:
+            job = make_job(args, "layered_over_visible", PsfCache(Path(folder)))
+            peer = deeplens(job, taken(job), args, folder)
         large = {"resolution": 1024, "layers": 41, "wavelengths": 3, "psf": "geometric"}
         results["layered_over, 1024 x 1024, 41 layers, 3 wavelengths"] = {
             f"render_{k}" if k == "peak_mb" else "render_s": v
@@ -211,6 +267,10 @@ def main() -> None:
     )
     show("times faster than fftconvolve", [("", "times"), *ratios.items()])
     show("largest difference, of the mean", [("", "share"), *differences.items()])
+    if peer is not None:
+        ratios_of_deeplens = peer["deeplens_s"] / peer["blur_s"]
+        show("DeepLens, layered_over_visible", [("", "value"), *peer.items()])
+        show("times faster than DeepLens", [("", "times"), ("", ratios_of_deeplens)])
     path = save(
         "psf_baseline",
         {
@@ -219,6 +279,7 @@ def main() -> None:
             "results": results,
             "times_of_fftconvolve_over_ours": ratios,
             "largest_difference": differences,
+            "deeplens": peer,
         },
     )
     print(f"{path.name} written")

@@ -261,6 +261,7 @@ def startup() -> str:
 
 def psf_baseline() -> str:
     record = load("psf_baseline")
+    peer = record.get("deeplens")
     keys = ("blur_s", "fftconvolve_s", "render_s", "render_peak_mb")
     rows = [(name, *(r.get(key) for key in keys)) for name, r in record["results"].items()]
     return "\n\n".join(
@@ -277,6 +278,17 @@ def psf_baseline() -> str:
             table(
                 ("time of fftconvolve over ours", "times faster"),
                 list(record["times_of_fftconvolve_over_ours"].items()),
+            ),
+            *(
+                [
+                    "M5 by `conv_psf_occlusion` of DeepLens (deeplens-core "
+                    f"{peer['versions']['deeplens-core']}, torch {peer['versions']['torch']}), at "
+                    f"one wavelength counted for all: {peer['deeplens_s']:.3g} s, by isetcl "
+                    f"{peer['blur_s']:.3g} s, PSFs of {peer['kernel_samples']} samples a side; "
+                    f"largest difference {peer['largest_difference']:.1g} of the mean."
+                ]
+                if peer is not None
+                else []
             ),
         ]
     )

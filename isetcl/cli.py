@@ -1,4 +1,4 @@
-"""The command line: `isetcl compare`, `render`, `eye`, `mtf`, `devices`, `info`."""
+"""The command line: `isetcl compare`, `render`, `eye`, `mtf`, `validate`, `devices`, `info`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import typer
 from isetcl.cli_eye import eye as eye_command
 from isetcl.cli_eye import mtf
 from isetcl.cli_render import INTERRUPTED, render
+from isetcl.cli_validate import validate
 from isetcl.errors import InvalidInputError, IsetclError
 
 if TYPE_CHECKING:
@@ -124,6 +125,7 @@ def compare(
 app.command()(render)
 app.command()(eye_command)
 app.command()(mtf)
+app.add_typer(validate)
 
 
 @app.command()

@@ -86,6 +86,16 @@ def photopic_weights(wavelengths_nm: np.ndarray) -> np.ndarray:
         lm/W nm. All zero if the grid has a single wavelength, where no width is defined.
     """
     grid = check_wavelengths(wavelengths_nm)
+    return LUMINOUS_EFFICACY_LM_PER_W * luminous_efficiency(grid) * bin_widths(grid)
+
+
+def bin_widths(wavelengths_nm: np.ndarray) -> np.ndarray:
+    """Width in nm that each wavelength of an ascending grid stands for, (n,).
+
+    Bins reach half-way to the neighbours, those at the ends a full step; zero for a single
+    wavelength, where no width is defined.
+    """
+    grid = np.asarray(wavelengths_nm, dtype=np.float64)
     if grid.size == 1:
         return np.zeros(1)
     edges = np.concatenate(
@@ -95,7 +105,7 @@ def photopic_weights(wavelengths_nm: np.ndarray) -> np.ndarray:
             [grid[-1] + (grid[-1] - grid[-2]) / 2],
         ]
     )
-    return LUMINOUS_EFFICACY_LM_PER_W * luminous_efficiency(grid) * np.diff(edges)
+    return np.diff(edges)
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,11 @@ NM_PER_M = 1e9
 ARCMIN_PER_DEG = 60.0
 ARCMIN_PER_RAD = 60.0 * 180.0 / math.pi
 
+PLANCK_J_S = 6.62607015e-34
+"""Planck constant, exact. Source: CODATA 2018 (SI Brochure, 9th edition, 2019)."""
+SPEED_OF_LIGHT_M_S = 299792458.0
+"""Speed of light in vacuum, exact. Source: CODATA 2018."""
+
 LUMINOUS_EFFICACY_LM_PER_W = 683.0
 """Maximum photopic luminous efficacy, lm/W (SI definition of the candela, CGPM 1979)."""
 

@@ -28,6 +28,7 @@ ORDER = (
     {"cli_scene", "cli_tables"},
     {"cli_eye", "cli_figures"},
     {"cli_render"},
+    {"cli_validate"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}
@@ -108,6 +109,49 @@ def test_importing_isetcl_is_cheap():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert result.stdout.strip() == "[]"
+
+
+def test_importing_isetcl_brings_nothing_in_before_it_is_used():
+    code = (
+        "import isetcl, sys\n"
+        "print(sorted(m for m in sys.modules if m.startswith('isetcl.')))\n"
+        "isetcl.eyes.navarro\n"
+        "late = ('fitting', 'files', 'people.population', 'worn', 'waves.huygens')\n"
+        "print([m for m in late if 'isetcl.eye.' + m in sys.modules])\n"
+        "print([m for m in ('device', 'render.plan', 'scene') if 'isetcl.' + m in sys.modules])\n"
+        "from isetcl import load_eye, eyes\n"
+        "print(load_eye.__name__, eyes.fit.__name__, isetcl.eyes.load_population.__name__)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.splitlines() == [
+        "['isetcl.render', 'isetcl.version']",
+        "[]",
+        "[]",
+        "load_eye fit load_population",
+    ]
+
+
+@pytest.mark.parametrize("path", ["__init__.py", "eye/catalog.py"])
+def test_names_that_are_imported_late_are_where_readers_are_told(path):
+    # An editor reads the imports under TYPE_CHECKING, Python the table.
+    import importlib
+
+    module = importlib.import_module({"__init__.py": "isetcl"}.get(path, "isetcl.eye.catalog"))
+    tree = ast.parse((PACKAGE / path).read_text())
+    (guarded,) = (n for n in tree.body if isinstance(n, ast.If))
+    told = {
+        (alias.asname or alias.name): (node.module, alias.name)
+        for node in guarded.body
+        for alias in node.names
+    }
+    for name, (where, original) in told.items():
+        place = importlib.import_module(where)
+        expected = getattr(place, original, None) or importlib.import_module(f"{where}.{original}")
+        assert getattr(module, name) is expected
+    late = {*getattr(module, "_MODULE_OF", module._PLACES), *getattr(module, "_MODULES", ())}
+    assert set(told) == late
 
 
 def test_every_public_name_exists():

@@ -9,6 +9,7 @@ from oracles import bounce_numbers, concentric, owen_sobol, sobol_integers
 from isetcl.device import program
 from isetcl.device.elements import ELEMENT
 from isetcl.device.layout import real_dtype
+from isetcl.device.planes import run_on_planes
 from isetcl.render import pack
 from isetcl.render.kernel_config import KernelConfig
 
@@ -30,25 +31,17 @@ class Probe:
         self.source = source
 
     def __call__(self, name, planes, n_out, *more, first=()):
-        import pyopencl as cl
-
-        planes = np.atleast_2d(np.asarray(planes, dtype=self.real))
-        n = planes.shape[1]
-        width = self.config.vector_width
-        padded = -(-n // width) * width
-        data = np.zeros((len(planes), padded), dtype=self.real)
-        data[:, :n] = planes
-        flags = cl.mem_flags
-        context = self.device.context
-        into = cl.Buffer(context, flags.COPY_HOST_PTR, hostbuf=data)
-        out = np.empty((n_out, padded), dtype=self.real)
-        result = cl.Buffer(context, flags.READ_WRITE, out.nbytes)
-        kernel = program.kernel(self.device, self.source, name)
-        buffers = [cl.Buffer(context, flags.COPY_HOST_PTR, hostbuf=b) for b in first]
-        kernel.set_args(*buffers, into, np.int32(padded), result, *more)
-        cl.enqueue_nd_range_kernel(self.device.queue, kernel, (padded // width,), (1,))
-        cl.enqueue_copy(self.device.queue, out, result)
-        return out[:, :n].astype(np.float64)
+        return run_on_planes(
+            self.device,
+            self.config.precision,
+            self.source,
+            name,
+            planes,
+            n_out,
+            *more,
+            first=first,
+            width=self.config.vector_width,
+        )
 
 
 @pytest.fixture
@@ -89,7 +82,7 @@ def test_all_lanes_sees_a_single_failure(probe):
 def test_the_disc_map_is_shirley_s(probe, precision):
     u, v = np.meshgrid(np.linspace(0, 0.9999, 41), np.linspace(0, 0.9999, 41))
     u, v = (w.ravel().astype(probe.real).astype(float) for w in (u, v))
-    x, y = probe("probe_disc", [u, v], 2)
+    x, y = probe("disc_points", [u, v], 2)
     ex, ey = concentric(u, v)
     # Where the two squares tie, either formula gives the same point.
     assert np.max(np.hypot(x - ex, y - ey)) < 6 * EPSILON[precision]
@@ -97,7 +90,7 @@ def test_the_disc_map_is_shirley_s(probe, precision):
 
 
 def test_the_disc_map_has_no_nan_at_the_centre(probe):
-    x, y = probe("probe_disc", [[0.5], [0.5]], 2)
+    x, y = probe("disc_points", [[0.5], [0.5]], 2)
     assert (x[0], y[0]) == (0.0, 0.0)
 
 
@@ -112,7 +105,7 @@ def test_turns_are_those_of_atan2(probe, precision):
 @pytest.mark.parametrize("dimension", range(8))
 def test_scrambled_points_are_those_of_the_numpy_version(probe, precision, dimension):
     streams = np.array([0, 1, 77, 123456], dtype=np.uint32)
-    got = probe("probe_sobol", streams.astype(float), 64, np.int32(64), np.int32(dimension))
+    got = probe("sobol_points", streams.astype(float), 64, np.int32(64), np.int32(dimension))
     bits = 24 if precision == "single" else 31
     for i, stream in enumerate(streams):
         expected = owen_sobol(np.arange(64), dimension, np.full(64, stream), bits)
@@ -144,7 +137,7 @@ def test_scrambled_points_stay_stratified(probe, log2_count, pair):
     # Dimensions (0, 1) have t = 0, (2, 3) at most 2 (Joe & Kuo's table).
     count = 1 << log2_count
     t = 0 if pair == (0, 1) else 2
-    x, y = (probe("probe_sobol", [5.0], count, np.int32(count), np.int32(d))[:, 0] for d in pair)
+    x, y = (probe("sobol_points", [5.0], count, np.int32(count), np.int32(d))[:, 0] for d in pair)
     for k in range(log2_count - t + 1):
         columns, rows = 1 << k, 1 << (log2_count - t - k)
         boxes = np.floor(x * columns).astype(int) * rows + np.floor(y * rows).astype(int)
@@ -154,14 +147,14 @@ def test_scrambled_points_stay_stratified(probe, log2_count, pair):
 
 def test_every_aligned_block_of_the_sequence_is_stratified_too(probe):
     # Bands take consecutive blocks of the sequence.
-    points = probe("probe_sobol", [9.0], 256, np.int32(256), np.int32(0))[:, 0]
+    points = probe("sobol_points", [9.0], 256, np.int32(256), np.int32(0))[:, 0]
     for block in points.reshape(8, 32):
         assert np.bincount(np.floor(block * 32).astype(int), minlength=32).tolist() == [1] * 32
 
 
 def test_coordinates_stay_below_one(probe):
     streams = np.arange(4096, dtype=float)
-    values = probe("probe_sobol", streams, 16, np.int32(16), np.int32(1))
+    values = probe("sobol_points", streams, 16, np.int32(16), np.int32(1))
     assert values.min() >= 0.0
     assert values.max() < 1.0
     assert abs(values.mean() - 0.5) < 0.005
@@ -178,7 +171,7 @@ def test_no_pixel_of_any_replicate_is_left_unscrambled():
 
 def test_streams_scramble_independently(probe):
     # Correlation of the same sample in neighbouring pixels, over many: none, within 4 sigma.
-    values = probe("probe_sobol", np.arange(8192, dtype=float), 4, np.int32(4), np.int32(0))
+    values = probe("sobol_points", np.arange(8192, dtype=float), 4, np.int32(4), np.int32(0))
     one, other = values[1, :-1], values[1, 1:]
     assert abs(np.corrcoef(one, other)[0, 1]) < 4 / np.sqrt(len(one))
 

@@ -197,7 +197,10 @@ def test_through_focus_takes_the_samples_that_its_defocus_needs(eye):
 
 
 def test_chromatic_and_oblique_curves_are_labelled_and_computed(eye):
+    ax = ic.eyes.gullstrand().plot_lca(None, Figure().subplots())
+    assert ax.get_title() == "no dispersion published"
     ax = eye.plot_lca([450.0, 589.3, 650.0], Figure().subplots())
+    assert ax.get_title().startswith("LCA")
     values = ax.lines[1].get_ydata()
     assert values[1] == pytest.approx(0.0, abs=1e-9)
     np.testing.assert_allclose(values, eye.lca_dpt([450.0, 589.3, 650.0]))

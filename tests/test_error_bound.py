@@ -18,7 +18,8 @@ from isetcl.psf_baseline import (
     error_bounds,
     methods,
 )
-from isetcl.psf_baseline.bound import _bend, _field_change, _slope
+from isetcl.psf_baseline.prediction import predict
+from isetcl.psf_baseline.psfs.reach import reach_psf
 from isetcl.validation import occlusion_strip
 
 ONE = np.array([550.0])
@@ -181,38 +182,106 @@ def test_pinhole_views_are_bounded_like_their_pictures():
         assert found.parts["hidden"].max() < (0.01 if layers == 1 else 1e-9)
 
 
-def test_the_shift_of_off_axis_psfs_is_that_of_traced_spots():
-    eye = ic.eyes.navarro(5.0, 1.0)
-    grid = ic.RetinalGrid.of(eye, 2.0, 8)
-    shift, variance = _field_change(grid, 1.0, np.array([1.0, 1.0]))
-    # A second way: centroid and spread of PSF kernels.
-    kernels = [
-        ic.psf_baseline.geometric_psf(eye, grid.wavelength_nm, 1.0, 0.002, at)
-        for at in ((1e-4, 0.0), (1.0, 1.0))
-    ]
-    moments = []
-    for psf in kernels:
-        n = (np.arange(psf.kernel.shape[0]) - psf.radius) * psf.pitch_deg
-        x = float((psf.kernel.sum(axis=0) * n).sum())
-        y = float((psf.kernel.sum(axis=1) * -n).sum())
-        square = float((psf.kernel * (n[None, :] ** 2 + n[:, None] ** 2)).sum())
-        moments.append((x, y, (square - x * x - y * y) / 2.0))
-    moved = np.subtract(moments[1], moments[0])
-    np.testing.assert_allclose(shift @ [1.0, 1.0], moved[:2], rtol=0.1)
-    assert abs(moved[0]) > 1e-3
-    assert variance == pytest.approx(abs(moved[2]), rel=0.25)
+def bars(n, fov_deg, cycles, centre_deg=(0.0, 0.0)):
+    """Upright bars far away."""
+    x = np.arange(n) + 0.5
+    picture = 0.5 + 0.4 * np.sin(2.0 * np.pi * cycles * x / n) * np.ones((n, 1))
+    return DepthImage(picture, 0.0, fov_deg, depth_unit="dpt", centre_deg=centre_deg)
 
 
-def test_slopes_and_bends_are_those_of_parabolas_and_of_the_finest_bars():
-    y, x = np.mgrid[:5, :6].astype(float)
-    image = 2.0 * x * x + 3.0 * y * y
-    np.testing.assert_allclose(_bend(image)[1:-1, 1:-1], 4.0 + 6.0)
-    # The larger of the two differences of 2 x^2: 2 (2 x + 1).
-    np.testing.assert_allclose(_slope(image, 1)[:, :-1], 2.0 * (2.0 * x + 1.0)[:, :-1])
-    bars = np.broadcast_to([0.0, 1.0, 0.0, 1.0], (3, 4))
-    assert np.all(np.abs(_slope(bars, 1)) == 1.0)
-    assert not _slope(bars, 0).any()
-    assert not _slope(np.ones((1, 1)), 0).any()
+def test_what_the_field_changes_is_predicted_from_rays_as_kernels_have_it():
+    """Blurred bars, off the axis, whose error no shift of the image explains."""
+    eye = ic.eyes.navarro(5.0, 2.5)
+    picture = bars(24, 1.6, 4, (6.0, 0.0))
+    where = {"wavelengths_nm": ONE, "fov_deg": 1.6, "resolution": 24, "centre_deg": (6.0, 0.0)}
+    found = predict(picture, eye, "geometric", 1024, where)
+    # A second way: kernels from other rays, in the same places.
+    centre, patches = (
+        ic.psf_baseline.render(picture, eye, field=field, psf_cache=None, **where).brightness()[0]
+        for field in ("centre", 3)
+    )
+    expected = (patches - centre) / centre.mean()
+    assert np.abs(expected).max() > 0.009
+    np.testing.assert_allclose(found.truth - found.centred, expected, atol=0.0025)
+    slope = np.gradient(found.centred, axis=1)
+    moves = np.stack([slope.ravel(), (slope * np.linspace(-1.0, 1.0, 24)).ravel()], axis=1)
+    fit = moves @ np.linalg.lstsq(moves, expected.ravel(), rcond=None)[0]
+    assert np.abs(expected.ravel() - fit).max() > 0.009
+
+
+@pytest.mark.slow
+def test_of_psfs_that_change_over_the_field_a_quarter_of_its_part_is_left():
+    eye = ic.eyes.navarro(4.0, 2.0)
+    options = {"method": "layered_sum", "wavelengths_nm": ONE, "psf_cache": None}
+    picture = bars(12, 1.6, 2, (8.0, 0.0))
+    centre, patches = (error_bound(picture, eye, field=f, **options) for f in ("centre", 3))
+    # Half the distance between nodes: a quarter of what grows with its square.
+    np.testing.assert_allclose(patches.parts["field"], centre.parts["field"] / 4.0)
+    assert np.abs(centre.estimate).max() > 3.0 * np.abs(patches.estimate).max()
+    # PSFs that know no field are alike everywhere, patches or not.
+    disc = [error_bound(picture, eye, psf="disc", field=f, **options) for f in ("centre", 3)]
+    np.testing.assert_allclose(disc[0].bound, disc[1].bound, atol=1e-4)
+    np.testing.assert_array_equal(disc[1].parts["field"], centre.parts["field"])
+
+
+@pytest.mark.parametrize("field", [(0.0, 0.0), (12.0, -9.0)])
+@pytest.mark.parametrize("vergence", [0.0, 4.0])
+def test_the_reach_of_a_view_is_that_of_its_psfs(field, vergence):
+    eye = ic.eyes.navarro(4.0, 1.0)
+    reach, psf = (
+        make(eye, 450.0, vergence, 0.004, field)
+        for make in (reach_psf, ic.psf_baseline.geometric_psf)
+    )
+    assert reach.kernel[reach.radius, reach.radius] == 1.0
+    lit = np.flatnonzero(psf.kernel.max(axis=0) + psf.kernel.max(axis=1))
+    farthest = np.abs(lit - psf.radius).max()
+    assert farthest <= reach.radius <= 1.15 * farthest + 3
+
+
+# ---- kinds of PSFs ---------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_the_eye_s_own_psfs_are_judged_with_their_diffraction_and_others_by_its_rays():
+    eye = ic.eyes.navarro(2.0, 0.3)
+    options = {"method": "layered_sum", "wavelengths_nm": ONE, "psf_cache": None}
+    picture = bars(16, 0.16, 4)
+    rays, wave, watson = (
+        ic.psf_baseline.render(picture, eye, psf=psf, **options).brightness()[0]
+        for psf in ("geometric", "wave", "watson")
+    )
+    level = rays.mean()
+    assert np.abs(wave - rays).max() > 0.03 * level
+    # At one depth the eye's own PSFs are right whatever their diffraction.
+    for psf in ("geometric", "wave"):
+        found = error_bound(picture, eye, psf=psf, **options)
+        assert np.abs(found.estimate).max() < 0.007
+    # What a mean eye leaves out or adds is error.
+    found = error_bound(picture, eye, psf="watson", **options)
+    np.testing.assert_allclose(found.estimate, (watson - rays) / level, atol=0.007)
+    assert np.abs(found.estimate).max() > 0.03
+    own = ic.psf_baseline.psf_kinds()["watson"](eye, 550.0, 0.0, 0.005)
+    same = error_bound(picture, eye, psf=own, **options)
+    np.testing.assert_allclose(same.estimate, found.estimate, atol=1e-4)
+
+
+QUICK = ("geometric", "gaussian", "williams")
+
+
+@pytest.mark.parametrize(
+    "psf",
+    [
+        kind if kind in QUICK else pytest.param(kind, marks=pytest.mark.slow)
+        for kind in ic.psf_baseline.psf_kinds()
+    ],
+)
+def test_all_kinds_of_psfs_have_bounds(psf):
+    options = {"wavelengths_nm": ONE, "psf": psf, "field": "patches", "psf_error": 0.3}
+    found = error_bound(step(8), perfect_eye(), method="layered_sum", **options)
+    assert np.isfinite(found.bound).all()
+    assert np.all(found.bound >= np.abs(found.estimate))
+    # The gap at the edge is there whatever the PSF; the widest hide much of it.
+    assert 0.05 < np.abs(found.estimate).max() < 0.6
 
 
 # ---- verdicts --------------------------------------------------------------------------------
@@ -271,6 +340,9 @@ def test_one_pixel_and_black_pictures_have_bounds():
         ({"method": "layered"}, "did you mean layered_"),
         ({"pupil_samples": 2}, "pupil_samples"),
         ({"scatter": None}, "unknown option of error_bound"),
+        ({"psf": "wav"}, "did you mean wave"),
+        ({"field": "patch"}, "did you mean patches"),
+        ({"field": 0}, "field"),
         ({"border": "edge"}, "unknown border"),
         ({"wavelengths_nm": []}, "wavelengths_nm"),
     ],
@@ -291,14 +363,24 @@ def test_bad_tolerances_are_named():
 # ---- against ray tracing ---------------------------------------------------------------------
 
 
-def judged(scene, eye, method, pixels=64, spp=2048):
+def judged(scene, eye, method, *, pixels=64, spp=2048, diffraction="none", **psfs):
     """Absolute error, its standard error from noise, and the bound, of the mean of the image."""
     where = {"fov_deg": random_planes.FOV_DEG, "resolution": pixels}
-    traced, noise = ic.render(scene, eye, spp=spp, seed=1, progress=False, **where).brightness()
-    made = ic.psf_baseline.render(scene, eye, method=method, **where).brightness()[0]
-    bound = error_bound(scene, eye, method=method, **where).bound
+    traced, noise = traced_image(scene.name, spp, diffraction, **where)
+    made = ic.psf_baseline.render(scene, eye, method=method, **where, **psfs).brightness()[0]
+    bound = error_bound(scene, eye, method=method, **where, **psfs).bound
     level = traced.mean()
     return np.abs(made - traced).ravel() / level, noise.ravel() / level, bound.ravel()
+
+
+@functools.cache
+def traced_image(name, spp, diffraction, **where):
+    """Photopic image and its standard error; ray tracing serves all methods of a scene."""
+    scene, eye = (
+        random_planes.sheet() if name == "sheet" else random_planes.planes(int(name.split()[-1]))
+    )
+    options = {"spp": spp, "seed": 1, "progress": False, "diffraction": diffraction}
+    return ic.render(scene, eye, **options, **where).brightness()
 
 
 def assert_bounded(error, noise, bound):
@@ -321,18 +403,32 @@ def test_ray_traced_errors_lie_below_the_bound():
 @pytest.mark.parametrize("method", ["layered_sum", "layered_over"])
 def test_twenty_random_scenes_of_planes_are_bounded(method):
     found = [judged(*random_planes.planes(seed), method) for seed in range(20)]
-    error, noise, bound = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    assert_bounded(error, noise, bound)
-    # Without forgiving noise.
-    assert np.mean(error <= bound) >= 0.95
-    # By scene. In one, seed 9, there are bars of three pixels in focus: what the samples of the
-    # view and the pixels make of such detail is not in the bound.
-    below = [np.mean(e <= b + 2.0 * n) for e, n, b in found]
-    assert sum(share < 0.95 for share in below) <= 1
-    assert min(below) >= 0.8
+    assert_bounded(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    # In every one of them, without forgiving noise.
+    assert min(np.mean(error <= bound) for error, _, bound in found) >= 0.95
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["layered_sum", "gather", "layered_over"])
 def test_a_mesh_is_bounded(method):
-    assert_bounded(*judged(*random_planes.sheet(), method))
+    error, noise, bound = judged(*random_planes.sheet(), method)
+    assert_bounded(error, noise, bound)
+    assert np.mean(error <= bound) >= 0.95
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "options"),
+    [
+        (3, {"psf": "hurb", "diffraction": "hurb"}),
+        (9, {"psf": "hurb", "diffraction": "hurb"}),
+        (3, {"field": 3}),
+        (9, {"field": 3}),
+        (3, {"psf": "disc"}),
+        (9, {"psf": "watson"}),
+    ],
+)
+def test_other_psfs_and_those_that_change_over_the_field_are_bounded(seed, options):
+    error, noise, bound = judged(*random_planes.planes(seed), "layered_sum", **options)
+    assert_bounded(error, noise, bound)
+    assert np.mean(error <= bound) >= 0.95

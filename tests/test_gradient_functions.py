@@ -8,7 +8,7 @@ import pytest
 from test_device_functions import EPSILON, Probe
 
 from isetcl.device import program
-from isetcl.device.gradients import gauss_step, profile_numbers
+from isetcl.device.gradients import kernel_step, profile_numbers
 from isetcl.eye.gradient import PolynomialGradient, ShellGradient
 from isetcl.eye.gradient_path import PlacedGradient, propagate
 from isetcl.eye.prescription import Element, ElementKind
@@ -121,17 +121,17 @@ def rays_inside(probe, profile):
     return xyz.astype(probe.real).astype(float), rays.astype(probe.real).astype(float)
 
 
-def test_steps_of_gausss_method(probe, precision):
+def test_steps_of_the_method_of_each_precision(probe, precision):
     for profile in profiles(probe):
         xyz, rays = rays_inside(probe, profile)
         span, steps = 0.75, 12
         p, t = xyz, rays
         for _ in range(steps):
-            p, t = gauss_step(profile, p, t, np.full(64, span / steps))
+            p, t = kernel_step(profile, p, t, np.full(64, span / steps), precision)
         exact = propagate(profile, xyz, rays, np.full(64, span), 16)
         probe.source = probe.source_with_opl
         got = probe(
-            "probe_gauss_steps",
+            "probe_steps",
             np.concatenate([xyz, rays], axis=1).T,
             7,
             probe.real.type(span / steps),
@@ -165,7 +165,7 @@ def test_the_kernels_steps_are_of_order_6(device):
     span, errors = 4.0, []
     for steps in (4, 8, 16):
         got = probe(
-            "probe_gauss_steps",
+            "probe_steps",
             np.concatenate([xyz, rays], axis=1).T,
             7,
             np.float64(span / steps),

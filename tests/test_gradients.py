@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import isetcl as ic
+from isetcl.device import elements as device_elements
 from isetcl.device import gradients as device_gradients
 from isetcl.device.choose import find_device
 from isetcl.device.eye_features import EyeFeatures
@@ -128,6 +129,23 @@ def test_a_gradient_of_zero_is_a_homogeneous_medium(precision):
     np.testing.assert_allclose(got.positions_mm, expected.positions_mm, rtol=0, atol=limit)
 
 
+def test_a_kernel_for_polynomials_of_a_higher_degree_sees_the_same_lens(device, precision):
+    sequence = elements(liou_eye(), LIOU_NM)
+    origins, directions = bundle(32, 2.0, 0.2)
+    own = EyeFeatures.of([sequence])
+    assert own.gradient_degree == 2
+    found = []
+    for features in (own, dataclasses.replace(own, gradient_degree=4)):
+        tracer = RayTracer(device, precision, features=features)
+        trace = tracer.prepare(tracer.upload(origins, directions), sequence, "retina")
+        trace.run()
+        found.append(trace.fetch())
+    assert found[0].passed.all()
+    assert found[1].passed.all()
+    limit = {"single": 1e-5, "double": 1e-12}[precision]
+    np.testing.assert_allclose(found[1].positions_mm, found[0].positions_mm, rtol=0, atol=limit)
+
+
 def test_liou_brennans_eye_agrees_with_a_method_of_order_8():
     origins, directions = bundle(24, 2.9, 0.2)
     hits, direction, path = oracle_hits(*oracle.liou_brennan(), origins, directions)
@@ -198,7 +216,7 @@ def test_six_steps_a_half_bring_liou_brennan_to_1e_8_um_in_double_precision(want
     assert lens < 1e-10
     assert retina < WANTED_MM["double"]
     assert waves < 8e-6
-    wanted("double", 2e-12)
+    wanted("double", 1e-11)
     assert steps_of(eye, "double") == [6, 6]
     lens, _, waves = lens_error(eye, "double")
     assert lens < 1e-11
@@ -208,12 +226,22 @@ def test_six_steps_a_half_bring_liou_brennan_to_1e_8_um_in_double_precision(want
 @pytest.mark.slow
 def test_steep_shells_need_more_steps(wanted):
     eye = shell_eye(7.0)
-    assert steps_of(eye, "single") == [8, 8]
+    # As many looks at the index as eight steps of Gauss's method with two sweeps take.
+    assert steps_of(eye, "single") == [16, 16]
     assert lens_error(eye, "single", 2.4)[0] < 2e-5
     assert lens_error(eye, "double", 2.4)[0] < 2e-10
     wanted("double", 1e-7)
     assert steps_of(eye, "double") == [16, 16]
     assert lens_error(eye, "double", 2.4)[0] < 6e-8
+
+
+@pytest.mark.slow
+def test_48_even_steps_a_half_bring_steep_shells_to_2e_8_um(monkeypatch):
+    # Steps that are graded towards the surface, as some advise for steep shells, are not needed.
+    monkeypatch.setattr(device_elements, "kernel_steps", lambda *_: 48)
+    lens, retina, _ = lens_error(shell_eye(7.0), "double", 2.4)
+    assert lens < 2e-11
+    assert retina < 2e-11
 
 
 @pytest.mark.parametrize("power", [1.0, 1.7, 2.0, 4.0])
@@ -265,14 +293,31 @@ def test_the_hosts_method_follows_the_sinusoid_of_a_quadratic_index():
     np.testing.assert_allclose(path, 1.5 * weights @ squared, rtol=1e-13)
 
 
-def test_the_kernels_method_is_of_order_6():
+@pytest.mark.parametrize(("precision", "order"), [("single", 5.0), ("double", 6.0)])
+def test_the_kernels_methods_are_of_their_orders(precision, order):
+    # In a field that changes along z too, or the sinusoid flatters Nystroem's method.
+    profile = PolynomialGradient(((1.41, -0.09, 0.004), (0.05, 0.02), (-0.06, 0.01), (0.01,)))
+    points, rays = slab_rays()
+    rays *= (profile.index(*points.T) / np.linalg.norm(rays, axis=1))[:, None]
+    span, errors = np.full(len(points), 1.6), []
+    exact = propagate(profile, points, rays, span, 32)
+    for steps in (4, 8, 16):
+        p, t = points, rays
+        for _ in range(steps):
+            p, t = device_gradients.kernel_step(profile, p, t, span / steps, precision)
+        errors.append(max(np.max(np.abs(p - exact[0])), np.max(np.abs(t - exact[1]))))
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(np.abs(orders - order) < 0.3), (errors, orders)
+
+
+def test_gausss_method_follows_the_sinusoid_of_a_quadratic_index_with_order_6():
     points, rays = slab_rays()
     span, errors = 4.0, []
     for steps in (4, 8, 16):
         p, t = points, rays
         for _ in range(steps):
-            p, t = device_gradients.gauss_step(
-                SquareRootGradient(), p, t, np.full(len(p), span / steps)
+            p, t = device_gradients.kernel_step(
+                SquareRootGradient(), p, t, np.full(len(p), span / steps), "double"
             )
         errors.append(np.max(np.abs(p - sinusoid(points, rays, A, span)[0])))
     orders = np.log2(np.array(errors[:-1]) / errors[1:])

@@ -162,10 +162,12 @@ def test_a_photograph_gives_what_the_wall_that_it_shows_gives(wall):
     # Squares in place of texels interpolated: the difference is of the paint's second order.
     assert np.sqrt(np.mean(away**2)) < 0.008
     assert made.provenance["projection"] == "perspective"
+    assert made.provenance["is_reprojected"]
     np.testing.assert_allclose(made.vergence_dpt, 0.5, rtol=1e-6)
     # Taken as even angles the paint is displaced, by 0.3 degrees at 15.
     wrong = render(dataclasses.replace(photo, projection="angular"), eye, **where)
     assert wrong.provenance["projection"] == "angular"
+    assert not wrong.provenance["is_reprojected"]
     assert np.sqrt(np.mean((wrong.irradiance.values[0] - truth[0]) ** 2)) > 0.02 * truth.mean()
 
 

@@ -64,6 +64,95 @@ SURF 6
   DIAM 0.01 0 0 0 1 ""
 """
 
+# What OpticStudio 20 to 25 writes besides, by files of theirs that were read; the order is theirs.
+_HEAD = """\
+VERS 250117 25101 37178 37178
+MODE SEQ
+NAME Navarro wide-angle eye
+AUTH
+PFIL 0 0 0
+LANG 0
+UNIT MM X W X CM MR CPMM LU
+FLOA
+ENVD 20 1 0
+GFAC 0 0
+GCAT SCHOTT MISC
+RAIM 0 0 1 1 0 0 0 0 0 1
+PUSH 0 0 0 0 0 0
+SDMA 0 1 0
+OMMA 1 1
+FTYP 0 0 1 3 0 0 0 1
+ROPD 2
+HYPR 0
+PICB 1
+XFLN 0 0 0 0 0 0 0 0 0 0 0 0
+YFLN 0 5 10 0 0 0 0 0 0 0 0 0
+FWGN 1 1 1 1 1 1 1 1 1 1 1 1
+VDXN 0 0 0 0 0 0 0 0 0 0 0 0
+"""
+_TAIL = """\
+BLNK Sequential merit function: RMS wavefront centroid GQ 3 rings 6 arms
+DMFS 0 0 0 0 0 0 0 0 0 0
+TRAC 0 1 0 0 0.33571068701972881 0 0 0.87266462599716477 0 0
+CONI 2 0 0 0 0 0 0.5 1 0 0
+TOL TOFF   0   0 0.0000000000000000E+00 0.0000000000000000E+00   0 0 0 0 0
+MNUM 2 1
+MOFF   0   1 "" 0 0 0 1 1 0 0.0 "" 0
+CURV   4   1 "" 0 0 0 1 1 0 0.2 "" 0
+STOP   2   2 "" 0 0 0 1 1 0 2.0 "" 0
+"""
+
+
+def as_opticstudio_writes() -> str:
+    """NAVARRO with all the lines that its own program writes, and its line ends."""
+    waves = [f"WAVM {i} 5.5000000000000004E-01 1" for i in range(4, 25)]
+    head = [*_HEAD.splitlines(), *NAVARRO[NAVARRO.index("WAVM 1") :].splitlines()[:3], *waves]
+    head += ["PWAV 2", "POLS 1 0 1 0 0 1 0", "GLRS 1 0", "GSTD 0 100.000 0 1 1 0 0 1 1 1 1 1 1"]
+    head += ["NSCD 100 500 0 0.001 10 9.9999999999999995e-07 0 0 0 0 0 0 1000000 0 2"]
+    head += ['COFN QF "COATING.DAT" "SCATTER_PROFILE.DAT" "ABG_DATA.DAT" "PROFILE.GRD"']
+    body = []
+    for line in NAVARRO[NAVARRO.index("SURF 0") :].splitlines():
+        body.append(line)
+        if line.startswith("  TYPE"):
+            body.append("  FIMP ")
+        elif line.startswith("  CURV"):
+            body += ["  HIDE 0 0 0 0 0 0 0 0 0 0", "  MIRR 2 0", "  SLAB 1"]
+        elif line.startswith("  DISZ 3.05"):
+            body.append("  PZUP 2 1 0 0")
+        elif line.startswith("  DIAM"):
+            body += ['  MEMA 5.5 0 0 0 1 ""', "  OBDC 0.000000000000E+00 0.000000000000E+00"]
+            body += ["  SCBD 1 0 0 0 0 0 0 0 0 0", "  POPS 0 0 0 0 0 0 0 0 1 1 1 1 0 0 0 0"]
+    return "\r\n".join([*head, *body, *_TAIL.splitlines(), ""])
+
+
+# A lens of n = 1.5 behind its stop, whose reports by OpticStudio 25.1.1 are public.
+SINGLET = """\
+MODE SEQ
+UNIT MM X W X CM MR CPMM
+FLOA
+WAVM 1 0.543 1
+PWAV 1
+SURF 0
+  DISZ INFINITY
+SURF 1
+  STOP
+  CURV 0.0
+  DISZ 0
+  DIAM 1 1 0 0 1 ""
+SURF 2
+  CURV 0.05
+  DISZ 1
+  GLAS ___BLANK 1 0 1.5 0 0 0 0 0 0 0
+  DIAM 1 0 0 0 1 ""
+SURF 3
+  CURV -0.05
+  DISZ 19.792
+  DIAM 0.98413862980615852 0 0 0 1 ""
+SURF 4
+  CURV 0.0
+  DISZ 0
+"""
+
 # An eye with every kind of surface: an aspheric cornea whose back carries Zernike polynomials, a
 # decentred and tilted lens with a biconic front, and a break that undoes the first.
 TILTED = """\

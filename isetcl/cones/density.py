@@ -165,8 +165,7 @@ class ConeDensity:
             raise InvalidInputError(
                 f"density {self.name!r} is known from {deg[0]:.3g} to {deg[1]:.3g} deg from the "
                 f"fovea ({least:g} to {most:.4g} mm), asked for from {deg[2]:.3g} to "
-                f"{deg[3]:.3g} deg (with a margin around the mosaic); choose another fov_deg, "
-                "centre_deg or density"
+                f"{deg[3]:.3g} deg; choose another fov_deg, centre_deg or density"
             )
 
     def spacing_mm(self, places_mm: np.ndarray) -> np.ndarray:

@@ -17,8 +17,8 @@ import numpy as np
 from isetcl.cones.density import ConeDensity
 from isetcl.device.lattice import LatticeKernels
 
-_ROUNDS = 12
-_STEPS = 6
+ROUNDS = 12
+STEPS = 6
 _NOISE = 0.5  # spacings
 _FULL_NOISE_FROM = 0.1  # disorder
 _RADII = 2048
@@ -147,7 +147,10 @@ def relaxed(
         Standard deviation of the logarithm of the sizes' factors.
     """
     random = np.random.default_rng([seed, 1])
-    factor = np.exp(disorder * random.standard_normal(len(places_mm)))
+    draws = random.standard_normal(len(places_mm) + 1)
+    # Differences of neighbours on a ring: their sum over many cones stays small, and so do the
+    # fluctuations of density over more than a few cones.
+    factor = np.exp(disorder * np.diff(draws) / math.sqrt(2.0))
     noise = random.standard_normal(places_mm.shape) * _spacing(per_mm2(places_mm))[:, None]
     noise *= _NOISE * min(disorder / _FULL_NOISE_FROM, 1.0)
     noise[is_fixed] = 0.0
@@ -155,8 +158,8 @@ def relaxed(
         places_mm + noise,
         lambda places: factor * _spacing(per_mm2(places)),
         is_fixed,
-        rounds=_ROUNDS,
-        steps=_STEPS,
+        rounds=ROUNDS,
+        steps=STEPS,
     )
 
 

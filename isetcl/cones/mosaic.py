@@ -34,7 +34,9 @@ from isetcl.eye.model import Eye
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from isetcl.cones.excitations import Excitations
     from isetcl.cones.quality import MosaicQuality
+    from isetcl.retina.image import RetinalImage
 
 Side = Literal["right", "left"]
 
@@ -259,6 +261,14 @@ class ConeMosaic:
         }
         history = {"merged": [self.provenance, other.provenance]}
         return dataclasses.replace(self, **both, provenance=history)
+
+    def excitations(
+        self, image: RetinalImage, integration_time_s: float = 0.005, **options: Any
+    ) -> Excitations:
+        """Mean excitations of every receptor by a retinal image; see `isetcl.cones.excitations`."""
+        from isetcl.cones.excitations import excitations
+
+        return excitations(self, image, integration_time_s, **options)
 
     def quality(self, **options: Any) -> MosaicQuality:
         """How regular the lattice is, and how near its density to the wanted one.

@@ -226,6 +226,9 @@ class VoronoiCells:
             np.minimum.at(nearest, own, distance)
             reach = np.hypot(*np.moveaxis(corner - places[own][:, None], -1, 0)).max(axis=1)
             inside[own[~is_finite | (reach > _FARTHEST_CORNER * spacing[own])]] = False
+        # Their neighbours miss neighbours, too.
+        touches = ~inside[pairs].all(axis=1)
+        inside[pairs[touches].ravel()] = False
         if not np.any(inside):
             raise InvalidInputError(
                 f"none of the {n} cones has neighbours all round; make the mosaic larger"

@@ -8,7 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from isetcl.device.eye_features import EyeFeatures, ShapeKind, shape_kind
-from isetcl.device.gradients import kernel_steps, landing_rounds, landing_steps, profile_numbers
+from isetcl.device.gradients import (
+    is_smooth,
+    kernel_steps,
+    landing_rounds,
+    landing_steps,
+    profile_numbers,
+)
 from isetcl.device.layout import Member, Precision, Struct, c_enum, real_dtype
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.eye.rays import RayStatus
@@ -22,6 +28,7 @@ ELEMENT = Struct(
     "element_t",
     (
         Member("kind", "int"),
+        Member("is_bending", "int"),
         Member("shape", "int"),
         Member("steps", "int"),
         Member("table", "int"),
@@ -61,10 +68,10 @@ ELEMENT = Struct(
 )
 """Constants of an element for one direction of travel, prepared in float64.
 
-`curvature` is that of the y section. `table` is where the numbers of its shape begin in the table
-of the eye; `columns` and `rows` say how many there are, `per_x` and `per_y` how many a mm.
-`gradient_incident` and `gradient_transmitted` are where the profiles of the media begin there, -1
-for homogeneous ones.
+`is_bending` says whether rays are bent there. `curvature` is that of the y section. `table` is
+where the numbers of its shape begin in the table of the eye; `columns` and `rows` say how many
+there are, `per_x` and `per_y` how many a mm. `gradient_incident` and `gradient_transmitted` are
+where the profiles of the media begin there, -1 for homogeneous ones.
 """
 
 SEARCH_STEPS = {
@@ -141,11 +148,21 @@ class PackedEye:
 
 
 def pack_eye(
-    sequences: Sequence[tuple[Element, ...]], towards: Towards, precision: Precision
+    sequences: Sequence[tuple[Element, ...]],
+    towards: Towards,
+    precision: Precision,
+    *,
+    gradient_degree: int | None = None,
 ) -> PackedEye:
-    """Elements in the order rays meet them, for one or several wavelengths."""
+    """Elements in the order rays meet them, for one or several wavelengths.
+
+    `gradient_degree` is that of the kernel, which sets how polynomials lie in the table; None for
+    one that is built for these elements.
+    """
     table = _Table()
     degree = EyeFeatures.of(sequences).gradient_degree
+    if gradient_degree is not None:
+        degree = gradient_degree
     records = [_records(sequence, towards, precision, table) for sequence in sequences]
     for sequence, of_sequence in zip(sequences, records, strict=True):
         for record, e in zip(of_sequence, sequence, strict=True):
@@ -182,6 +199,7 @@ def _records(
     for record, e in zip(records, sequence, strict=True):
         n, n_next = (e.n_before, e.n_after) if towards == "retina" else (e.n_after, e.n_before)
         record["kind"] = e.kind
+        record["is_bending"] = e.is_bending and not is_smooth(e, precision)
         record["vertex_z"] = e.vertex_z_mm
         record["curvature"] = e.curvature
         record["kappa"] = 1.0 + e.conic

@@ -145,7 +145,8 @@ class Trace:
         def results(planes: int, dtype: np.dtype = real) -> pyopencl.Buffer:
             return device.allocate(max(1, planes * rays.padded), dtype)
 
-        packed = pack_eye([sequence], towards, tracer._precision)
+        degree = tracer._features.gradient_degree
+        packed = pack_eye([sequence], towards, tracer._precision, gradient_degree=degree)
         self._elements = device.upload(packed.elements)
         self._table = device.upload(packed.table)
         self._position = results(3)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from isetcl.errors import InvalidInputError, check_choice
-from isetcl.eye.fitting.fit import EyeFit as EyeFit
-from isetcl.eye.fitting.fit import fit as fit
-from isetcl.eye.fitting.measurement import ZernikeMeasurement as ZernikeMeasurement
-from isetcl.eye.fitting.measurement import measure as measure
 from isetcl.eye.media import AbbeInterpolation
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, FocusCriterion, PupilPlane
 from isetcl.eye.models.accommodation import accommodated
@@ -23,8 +21,21 @@ from isetcl.eye.models.liou_brennan import liou_brennan
 from isetcl.eye.models.navarro import Hold, NavarroModel
 from isetcl.eye.models.parts import PupilSpec
 from isetcl.eye.models.reduced import drasdo_fowler, thibos
-from isetcl.eye.people.population import load_population as load_population
 from isetcl.units import distance_from_vergence
+
+if TYPE_CHECKING:
+    from isetcl.eye.fitting.fit import EyeFit, fit
+    from isetcl.eye.fitting.measurement import ZernikeMeasurement, measure
+    from isetcl.eye.people.population import load_population
+
+# What measured eyes need is imported when it is first used.
+_PLACES = {
+    "EyeFit": "isetcl.eye.fitting.fit",
+    "ZernikeMeasurement": "isetcl.eye.fitting.measurement",
+    "fit": "isetcl.eye.fitting.fit",
+    "load_population": "isetcl.eye.people.population",
+    "measure": "isetcl.eye.fitting.measurement",
+}
 
 
 def navarro(
@@ -153,7 +164,29 @@ ACCOMMODATING = tuple(
 FILE_SUFFIXES = (".json", ".zmx", ".dat")
 """Endings of names that are files of eyes."""
 
-__all__ = ["ACCOMMODATING", "FILE_SUFFIXES", "by_name", "names", *_BUILDERS]
+__all__ = [
+    "ACCOMMODATING",
+    "FILE_SUFFIXES",
+    "EyeFit",
+    "ZernikeMeasurement",
+    "by_name",
+    "fit",
+    "load_population",
+    "measure",
+    "names",
+    *_BUILDERS,
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = getattr(importlib.import_module(_PLACES[name]), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
 
 
 def names() -> tuple[str, ...]:

@@ -55,6 +55,15 @@ class Element:
     gradient_after: PlacedGradient | None = None
 
     @property
+    def is_bending(self) -> bool:
+        """Whether it changes directions: a surface with one index on both sides does not."""
+        return self.kind is ElementKind.REFRACT and (
+            self.gradient_before is not None
+            or self.gradient_after is not None
+            or self.n_before != self.n_after
+        )
+
+    @property
     def quadric(self) -> Quadric:
         """The surface, or the quadric from which rays are searched on it."""
         return form_quadric(self.curvature, self.conic, self.shape)

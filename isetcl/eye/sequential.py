@@ -110,7 +110,7 @@ def trace_elements(
         outside = crossing.local[:, 0] ** 2 + across**2 > element.semi_diameter_mm**2
         reason = RayStatus.STOPPED if element.kind is ElementKind.STOP else RayStatus.OUTSIDE
         _lose(status, surface, outside, reason, i)
-        if element.kind is ElementKind.REFRACT:
+        if element.is_bending:
             n_there = n_out if beyond is None else beyond.index_at(position)
             bent, reflected = _refract(direction, crossing, here.index, n_there, sense)
             _lose(status, surface, reflected, RayStatus.REFLECTED, i)

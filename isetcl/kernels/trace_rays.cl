@@ -25,7 +25,7 @@ INLINE maskv pass_all(rayv *ray, realv *length, constant element_t *elements, in
 #if HAS_OPL
     *length = mul_add(at.path, (realv)element->n2_incident, *length);
 #endif
-    if (element->kind == ELEMENT_REFRACT) refract(ray, element, eye_table, sense, &at);
+    if (element->is_bending) refract(ray, element, eye_table, sense, &at);
   }
   ray->z += vertex_z;
   return passed & is_number(ray->x + ray->tx);
@@ -57,6 +57,11 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
     ray->x = alive ? next.x : ray->x;
     ray->y = alive ? next.y : ray->y;
     ray->z = alive ? next.z : ray->z;
+#if HAS_GRADIENTS
+    ray->tx = alive ? next.tx : ray->tx;
+    ray->ty = alive ? next.ty : ray->ty;
+    ray->tz = alive ? next.tz : ray->tz;
+#endif
 #if HAS_OPL
     *length = alive ? mul_add(at.path, (realv)element->n2_incident, *length) : *length;
 #endif
@@ -64,7 +69,7 @@ INLINE intv pass_or_stay(rayv *ray, realv *length, constant element_t *elements,
     maskv inside = is_inside(&at, element);
     outcome = int_from_mask(alive & !inside) ? (intv)(here + reason) : outcome;
     alive = alive & inside;
-    if (element->kind == ELEMENT_REFRACT) {
+    if (element->is_bending) {
       refract(&next, element, eye_table, sense, &at);
       maskv through = is_number(next.tx);
       outcome = int_from_mask(alive & !through) ? (intv)(here + RAY_REFLECTED) : outcome;

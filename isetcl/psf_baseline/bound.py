@@ -52,8 +52,8 @@ AGREEMENT = 0.002
 """Largest bias of PSF methods against ray tracing on flat scenes, of the mean."""
 
 _PUPIL_SAMPLES = 256
-_OPTIONS = ("layers", "slicing", "oversampling", "border", "hidden", "psf_error", "psf_cache")
-_OF_METHODS = ("psf_error", "psf_cache")
+_OF_VIEWS = ("layers", "slicing", "oversampling", "border", "hidden", "fft")
+_OF_PSFS = ("psf_error", "psf_cache")
 
 
 @dataclass(frozen=True)
@@ -191,8 +191,8 @@ def error_bounds(
         Where it is evaluated; None is five across the visible range, or the nearest that a view
         or cube has.
     options
-        `layers`, `slicing`, `oversampling`, `border`, `hidden`, `psf_error` and `psf_cache` of
-        `render`.
+        `layers`, `slicing`, `oversampling`, `border`, `hidden`, `fft`, `psf_error` and `psf_cache`
+        of `render`.
 
     Returns
     -------
@@ -207,12 +207,12 @@ def error_bounds(
     names = [check_choice("method", name, methods()) for name in methods_named]
     samples = check_count("pupil_samples", pupil_samples, 8, MAX_SAMPLES)
     for name in options:
-        check_choice("option of error_bound", name, _OPTIONS)
+        check_choice("option of error_bound", name, _OF_VIEWS + _OF_PSFS)
     check_field(field)
     if not isinstance(psf, Psf):
         psf = psf_kind(psf)
     grid = image_grid(scene, eye, fov_deg, resolution, centre_deg)
-    views = {name: value for name, value in options.items() if name not in _OF_METHODS}
+    views = {name: value for name, value in options.items() if name in _OF_VIEWS}
     where: dict[str, Any] = {
         "fov_deg": grid.fov_deg,
         "resolution": grid.resolution,

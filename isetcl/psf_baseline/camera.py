@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -15,6 +15,8 @@ from isetcl.psf_baseline.borders import Border, pixel_index
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+Projection = Literal["perspective", "angular"]
 
 _BORDER_POINTS = 65
 _HALVINGS = 50

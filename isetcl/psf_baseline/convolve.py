@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import os
 import threading
 from collections.abc import Sequence
 
@@ -13,9 +12,8 @@ from scipy import fft
 from isetcl.errors import InvalidInputError
 from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.pupil import PupilOffsets
+from isetcl.psf_baseline.transforms import SCIPY, WORKERS, RealFft
 from isetcl.psf_baseline.view import Layer
-
-WORKERS = min(8, os.cpu_count() or 1)
 
 _BOX_GRAIN = 32  # samples by which the room around a layer's box grows
 _BOX_SHARE = 0.7  # a box is used if its transform is smaller than this part of the view's
@@ -34,9 +32,18 @@ class LayerSpectra:
         Far to near, all of one shape.
     keep_transfers
         Whether transforms of PSFs are kept too, for PSFs that serve all wavelengths.
+    transforms
+        Who makes the transforms.
     """
 
-    def __init__(self, layers: Sequence[Layer], *, keep_transfers: bool = False) -> None:
+    def __init__(
+        self,
+        layers: Sequence[Layer],
+        *,
+        keep_transfers: bool = False,
+        transforms: RealFft = SCIPY,
+    ) -> None:
+        self.fft = transforms
         self.layers = layers
         self.shape = layers[0].coverage.shape
         self.size = _good_size(self.shape)
@@ -73,8 +80,11 @@ class LayerSpectra:
     def box(self, k: int, radius: int) -> tuple[_Box, tuple[int, int]] | None:
         """The part of the view that a blurred layer covers, and the size of its transform.
 
-        None where the whole view is as good.
+        None where the whole view is as good, and where devices make the transforms, for which
+        every size costs a plan.
         """
+        if self.fft is not SCIPY:
+            return None
         room = -(-radius // _BOX_GRAIN) * _BOX_GRAIN
         box = self._boxes[k].grown(room, self.shape)
         size = _good_size((box.rows.stop - box.rows.start + room, box.width + room))
@@ -85,10 +95,11 @@ class LayerSpectra:
     def in_box(self, what: str, k: int, box: _Box, size: tuple[int, int]) -> np.ndarray:
         """Transform of layer k's "colour" or "coverage" in a box."""
         image = getattr(self.layers[k], what)[..., box.rows, box.columns]
-        return self._once(what, k, size[0] << 20 | size[1], lambda: fft.rfft2(image, size))
+        return self._once(what, k, size[0] << 20 | size[1], lambda: self.fft.rfft2(image, size))
 
     def _transform(self, image: np.ndarray) -> np.ndarray:
-        return np.asarray(fft.rfft2(image, self.size, workers=WORKERS))
+        with fft.set_workers(WORKERS):
+            return self.fft.rfft2(image, self.size)
 
     def _once(self, what: str, k: int, size: int, make) -> np.ndarray:  # type: ignore[no-untyped-def]
         key = (what, k, size)
@@ -224,7 +235,7 @@ class SpectralBlur:
         """See `Blur`."""
         rows, columns = self._spectra.shape
         # Threads belong to wavelengths.
-        image = fft.irfft2(spectrum, self._spectra.size)
+        image = self._spectra.fft.irfft2(spectrum, self._spectra.size)
         return np.asarray(image[..., :rows, :columns])
 
     def layer_spectrum(self, layer: int) -> np.ndarray:
@@ -248,7 +259,7 @@ class SpectralBlur:
                 place = (top + down) % height * width + (left + across) % width
                 np.add.at(kernel, place, weights * share_x * share_y)
         image = kernel.reshape(height, width).astype(np.float32)
-        return np.asarray(fft.rfft2(image))
+        return self._spectra.fft.rfft2(image, self._spectra.size)
 
     def _blurred(self, what: str, layer: int) -> np.ndarray:
         """Blurred "colour" or "coverage" of a layer, in the part of the view that it reaches."""
@@ -262,7 +273,7 @@ class SpectralBlur:
         spectrum = spectra.in_box(what, layer, box, size)
         if what == "colour":
             spectrum = self._mixed(spectrum)
-        small = fft.irfft2(self._transform(psf, size) * spectrum, size)
+        small = spectra.fft.irfft2(self._transform(psf, size) * spectrum, size)
         height = box.rows.stop - box.rows.start
         image = np.zeros((*small.shape[:-2], *spectra.shape), dtype=np.float32)
         image[..., box.rows, box.columns] = small[..., :height, : box.width]

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
-from isetcl.psf_baseline.depth_image import DepthImage, DepthKind, DepthUnit, Projection
+from isetcl.psf_baseline.camera import Projection
+from isetcl.psf_baseline.depth_image import DepthImage, DepthKind, DepthUnit
 from isetcl.scene.display import Display
 from isetcl.scene.pbrt.pictures import FLOAT_SUFFIXES, read_floats
 from isetcl.scene.texture import Image, load_image

@@ -19,14 +19,13 @@ from isetcl.errors import (
     check_type,
 )
 from isetcl.eye.field import direction_from_field
-from isetcl.psf_baseline.camera import LARGEST_FOV_DEG, Camera
+from isetcl.psf_baseline.camera import LARGEST_FOV_DEG, Camera, Projection
 from isetcl.scene.cube import SpectralCube
 from isetcl.scene.display import Display
 from isetcl.scene.texture import Image
 
 DepthUnit = Literal["m", "dpt"]
 DepthKind = Literal["z", "range"]
-Projection = Literal["perspective", "angular"]
 Picture = np.ndarray | Image | SpectralCube
 
 NEAREST_DPT = 125.0

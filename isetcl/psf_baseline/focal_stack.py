@@ -19,9 +19,10 @@ from isetcl.errors import (
     check_positive,
     check_type,
 )
+from isetcl.psf_baseline.camera import Projection
 from isetcl.psf_baseline.depth_files import read_light
 from isetcl.psf_baseline.depth_from_focus import FocusDepth, depth_from_focus
-from isetcl.psf_baseline.depth_image import NEAREST_DPT, DepthImage, Projection, picture_shape
+from isetcl.psf_baseline.depth_image import NEAREST_DPT, DepthImage, picture_shape
 from isetcl.psf_baseline.picture_light import decoded
 from isetcl.scene.display import Display
 from isetcl.scene.texture import Image

@@ -12,7 +12,7 @@ from scipy import fft
 
 from isetcl.eye.people.scatter import ScatterModel
 from isetcl.psf_baseline.bank import PsfBank
-from isetcl.psf_baseline.convolve import WORKERS, LayerSpectra, SpectralBlur
+from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
 from isetcl.psf_baseline.depths import Depths, margin
 from isetcl.psf_baseline.methods import Method
 from isetcl.psf_baseline.on_retina import onto_retina
@@ -21,6 +21,7 @@ from isetcl.psf_baseline.picture_stack import PictureStack
 from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.pupil import PupilOffsets, pupil_offsets
 from isetcl.psf_baseline.slicing import closed, soft_slices
+from isetcl.psf_baseline.transforms import SCIPY, WORKERS, RealFft
 from isetcl.psf_baseline.veil import veil
 from isetcl.psf_baseline.view import Layer, ViewGrid, take_layers
 from isetcl.retina.grid import RetinalGrid
@@ -45,6 +46,19 @@ class Job:
     scatter: ScatterModel | None
     depth_bound: float
     one_layer: int | None = None
+    transforms: RealFft = SCIPY
+    whole: tuple[ViewGrid, list[Layer]] | None = None
+
+    def with_layers_of(self, patches: list[Patch], most_bytes: float) -> Job:
+        """The job with the layers of the whole image taken, for patches that overlap.
+
+        Unchanged where that would take more memory than is allowed.
+        """
+        reach = max(self.view(patch, self.psfs(patch)).margin for patch in patches)
+        view = ViewGrid(self.grid, self.oversampling, reach)
+        if self.needed_bytes(view) > most_bytes:
+            return self
+        return dataclasses.replace(self, whole=(view, self._taken(view)))
 
     def psfs(self, patch: Patch) -> list[list[Psf]]:
         """PSFs of a patch, by wavelength and layer."""
@@ -76,9 +90,7 @@ class Job:
     def layers(self, view: ViewGrid) -> tuple[list[Layer], list[int]]:
         """The layers of a view as the method wants them, and their numbers."""
         complete = self.method.needs_complete_layers
-        taken = take_layers(
-            self.scene, view, self.basis, self.depths.open_edges_dpt, complete=complete
-        )
+        taken = self._taken(view) if self.whole is None else _part(*self.whole, view)
         numbers = [self.depths.number_of(layer) for layer in taken]
         taken = [
             dataclasses.replace(layer, vergence_dpt=self.depths.vergences_dpt[k])
@@ -89,6 +101,15 @@ class Job:
         if taken and not complete:
             taken = closed(taken)
         return taken, numbers
+
+    def _taken(self, view: ViewGrid) -> list[Layer]:
+        return take_layers(
+            self.scene,
+            view,
+            self.basis,
+            self.depths.open_edges_dpt,
+            complete=self.method.needs_complete_layers,
+        )
 
     def images(self, patch: Patch) -> Iterator[tuple[list[float], np.ndarray]]:
         """Vergences of the layers, and radiance on the retina, (rows, columns), by wavelength.
@@ -103,7 +124,9 @@ class Job:
         if self.scatter is not None and isinstance(self.scene, Scene):
             spread = veil(self.scene, view, self.basis, self.scatter)
         same = all(row[k] is psfs[0][k] for row in psfs for k in range(len(row)))
-        spectra = LayerSpectra(taken, keep_transfers=same) if taken else None
+        spectra = (
+            LayerSpectra(taken, keep_transfers=same, transforms=self.transforms) if taken else None
+        )
 
         def at(i: int) -> np.ndarray:
             wavelength = float(self.wavelengths_nm[i])
@@ -128,7 +151,7 @@ class Job:
         with ThreadPoolExecutor(min(WORKERS, count)) as pool:
             yield from ((verges, image) for image in pool.map(at, range(count)))
 
-    def needed_bytes(self, patch: Patch, view: ViewGrid) -> float:
+    def needed_bytes(self, view: ViewGrid) -> float:
         """Memory that a patch takes at its peak.
 
         A sample of the view takes a float for every layer and channel, as much for their
@@ -157,3 +180,19 @@ class Job:
             rays_per_sample=self.method.rays_per_sample,
             field_deg=patch.field_deg,
         )
+
+
+def _part(whole: ViewGrid, layers: list[Layer], view: ViewGrid) -> list[Layer]:
+    """The layers of a view that lies within another, of samples in the same places."""
+    width, height = whole.pitch_deg
+    left = round((view.x_deg()[0] - whole.x_deg()[0]) / width)
+    top = round((whole.y_deg()[0] - view.y_deg()[0]) / height)
+    rows, columns = slice(top, top + view.shape[0]), slice(left, left + view.shape[1])
+    parts = []
+    for layer in layers:
+        coverage = layer.coverage[rows, columns]
+        if coverage.any():
+            depth = None if layer.depth is None else layer.depth[rows, columns]
+            colour = layer.colour[:, rows, columns]
+            parts.append(Layer(layer.vergence_dpt, colour, coverage, depth))
+    return parts

@@ -125,9 +125,18 @@ def picture_stack(
         spectra, sheets = _of_image(source, wavelengths_nm)
         name, digest = source.name, source.digest()
     basis = SpectralBasis(spectra, np.zeros(len(spectra)), ())
-    camera = source.camera if isinstance(source, DepthImage) else None
     return PictureStack(
-        name, digest, left, top, pitch, basis, tuple(sheets), border, hidden, camera
+        name=name,
+        digest_text=digest,
+        left_deg=left,
+        top_deg=top,
+        pitch_deg=pitch,
+        basis=basis,
+        sheets=tuple(sheets),
+        border=border,
+        hidden=hidden,
+        camera=source.camera if isinstance(source, DepthImage) else None,
+        projection=source.projection if isinstance(source, DepthImage) else "angular",
     )
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from isetcl.psf_baseline.borders import Border, pixel_index
-from isetcl.psf_baseline.camera import Camera
+from isetcl.psf_baseline.camera import Camera, Projection
 from isetcl.psf_baseline.view import Layer, ViewGrid
 from isetcl.retina.grid import RetinalGrid
 from isetcl.scene.basis import SpectralBasis
@@ -63,7 +63,10 @@ class PictureStack:
         Behind the only sheet of a picture without hidden layers: ``"extend"`` takes the nearest
         pixel that is farther away; ``"none"`` is dark and empty.
     camera
-        Of a picture in perspective; None where pixels are even steps of field angle.
+        Of a picture in perspective; None where its pixels are, or are as good as, even steps of
+        field angle.
+    projection
+        ``"perspective"`` or ``"angular"``, as the picture says or is taken to be.
     """
 
     name: str
@@ -76,6 +79,7 @@ class PictureStack:
     border: Border
     hidden: Hidden
     camera: Camera | None = None
+    projection: Projection = "angular"
 
     def digest(self) -> str:
         """A hash of what the pictures hold, for provenance."""
@@ -119,7 +123,8 @@ class PictureStack:
             "border_deg": reach_deg,
             "blur_is_wider_than_image": reach_deg > min(grid.fov_deg),
             "hidden": self.hidden if len(self.sheets) == 1 else "given",
-            "projection": "angular" if self.camera is None else "perspective",
+            "projection": self.projection,
+            "is_reprojected": self.camera is not None,
         }
 
     def layers_on(self, view: ViewGrid, edges_dpt: np.ndarray, complete: bool) -> list[Layer]:

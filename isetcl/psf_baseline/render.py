@@ -44,6 +44,7 @@ from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.psf_cache import PsfCache
 from isetcl.psf_baseline.psfs import PsfKind
 from isetcl.psf_baseline.pupil import MAX_SAMPLES
+from isetcl.psf_baseline.transforms import RealFft, fft_of
 from isetcl.psf_baseline.view import Layers
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.grid import Centre, RetinalGrid
@@ -86,6 +87,7 @@ def render(
     pupil_samples: int | None = None,
     scatter: ScatterModel | None = None,
     media: OcularMedia | None = None,
+    fft: str | RealFft = "scipy",
     progress: Callable[[float], None] | None = None,
 ) -> RetinalImage:
     """The retinal image of a scene approximated by PSF convolution, in absolute units.
@@ -135,6 +137,9 @@ def render(
         veil, from sources outside the image too. None leaves it out.
     media
         Ocular media whose transmittance multiplies the spectrum; None is clear media.
+    fft
+        Who makes the Fourier transforms: ``"scipy"``, or an object that does, such as
+        `isetcl.device_fft` for an OpenCL device. Images differ by the rounding of single precision.
     progress
         Called with the fraction done after every wavelength.
 
@@ -167,6 +172,7 @@ def render(
     if scatter is not None:
         check_type("scatter", scatter, ScatterModel)
         check_type("scene", scene, Scene, "scattered light comes from outside pictures too")
+    transforms = fft_of(fft)
     grid = image_grid(scene, eye, fov_deg, resolution, centre_deg)
     wavelengths = image_wavelengths(scene, wavelengths_nm)
     check_eye_wavelengths(eye, wavelengths)
@@ -198,11 +204,14 @@ def render(
         pupil_samples,
         scatter,
         psf_error,
+        transforms=transforms,
     )
     patches = _patches(job, field)
     if len(patches) > 1 and chosen.name == "single":
         # Every patch on its own would choose the PSF of what it shows most of.
         job = dataclasses.replace(job, one_layer=int(np.argmax(depths.areas)))
+    if len(patches) > 1 and field != "centre":
+        job = job.with_layers_of(patches, _allowed_bytes())
     irradiance = np.zeros((len(wavelengths), *grid.shape), dtype=np.float32)
     verges: set[float] = set()
     for n, patch in enumerate(patches):
@@ -228,6 +237,7 @@ def render(
         "slicing": chosen.slicing if slicing == "auto" else slicing,
         "media": None if media is None else media.describe(),
         "scatter": None if scatter is None else scatter.describe(),
+        "fft": str(transforms),
         "psf_energy_outside": bank.describe()["energy_outside"],
         "elapsed_s": time.perf_counter() - start,
     }
@@ -312,14 +322,18 @@ def _patches(job: Job, field: str | int) -> list[Patch]:
     return parts
 
 
+def _allowed_bytes() -> float:
+    return min(_TILE_BYTES, available_bytes() / 2.0)
+
+
 def _tiles_needed(job: Job) -> int:
     """Tiles across each side of an image that keep the memory of each in bounds."""
-    allowed = min(_TILE_BYTES, available_bytes() / 2.0)
+    allowed = _allowed_bytes()
     count = 1
     while True:
         patch = tiles(job.grid, count)[0]
         view = job.view(patch, job.psfs(patch))
-        if job.needed_bytes(patch, view) <= allowed or max(patch.weight.shape) <= _LEAST_TILE:
+        if job.needed_bytes(view) <= allowed or max(patch.weight.shape) <= _LEAST_TILE:
             return count
         count += 1
 
@@ -337,7 +351,7 @@ def _check_memory(job: Job, patch: Patch) -> None:
     """Raise OutOfMemoryError, naming a resolution that fits, before anything large is allocated."""
     view = job.view(patch, job.psfs(patch))
     rows, columns = job.grid.shape
-    needed = job.needed_bytes(patch, view) + rows * columns * len(job.wavelengths_nm) * 16
+    needed = job.needed_bytes(view) + rows * columns * len(job.wavelengths_nm) * 16
     check_memory(
         f"a view of {view.shape[1]} x {view.shape[0]} samples in "
         f"{len(job.depths.vergences_dpt)} layers",

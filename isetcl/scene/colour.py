@@ -24,14 +24,10 @@ from isetcl.errors import (
 )
 from isetcl.scene.display import display_primaries
 from isetcl.spectrum import VISIBLE_RANGE_NM, Spectrum
-from isetcl.units import LUMINOUS_EFFICACY_LM_PER_W
+from isetcl.units import LUMINOUS_EFFICACY_LM_PER_W, PLANCK_J_S, SPEED_OF_LIGHT_M_S
 
 Colour = tuple[float, float, float] | Sequence[float] | np.ndarray
 
-PLANCK_J_S = 6.62607015e-34
-"""Planck constant, exact. Source: CODATA 2018 (SI Brochure, 9th edition, 2019)."""
-SPEED_OF_LIGHT_M_S = 299792458.0
-"""Speed of light in vacuum, exact. Source: CODATA 2018."""
 BOLTZMANN_J_K = 1.380649e-23
 """Boltzmann constant, exact. Source: CODATA 2018."""
 

@@ -3,12 +3,15 @@
 from isetcl.retina.depth_edges import occlusion_strip
 from isetcl.validation import stats
 from isetcl.validation.comparison import Comparison, Trial, compare
+from isetcl.validation.measured_tca import MeasuredTca, measured_tca
 from isetcl.validation.occlusion import (
     OcclusionError,
     RegionError,
     occlusion_error,
 )
 from isetcl.validation.occlusion_study import OcclusionStudy, occlusion_study
+from isetcl.validation.slanted_edge import Edge, SlantedEdgeMtf, slanted_edge_mtf
+from isetcl.validation.three_mtfs import ThreeMtfs, three_mtfs
 from isetcl.validation.work_precision import (
     Reference,
     SceneMethod,
@@ -19,18 +22,25 @@ from isetcl.validation.work_precision import (
 
 __all__ = [
     "Comparison",
+    "Edge",
+    "MeasuredTca",
     "OcclusionError",
     "OcclusionStudy",
     "Reference",
     "RegionError",
     "SceneMethod",
+    "SlantedEdgeMtf",
+    "ThreeMtfs",
     "Trial",
     "WorkMethod",
     "WorkPrecision",
     "compare",
+    "measured_tca",
     "occlusion_error",
     "occlusion_strip",
     "occlusion_study",
+    "slanted_edge_mtf",
     "stats",
+    "three_mtfs",
     "work_precision",
 ]

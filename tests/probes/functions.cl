@@ -3,6 +3,7 @@
 #include "lib/scene.cl"
 #include "lib/bounce.cl"
 #include "lib/turn.cl"
+#include "sequence.cl"
 
 kernel void probe_sine_cosine(global const real *x, const int n, global real *out) {
   const size_t g = get_global_id(0);
@@ -28,31 +29,9 @@ kernel void probe_all_lanes(global const real *x, const int n, global real *out)
   store_lanes((realv)(real)all_lanes(load_lanes(x, g) > 0), out, g);
 }
 
-kernel void probe_disc(global const real *x, const int n, global real *out) {
-  const size_t g = get_global_id(0);
-  realv dx, dy;
-  concentric_disc(load_lanes(x, g), load_lanes(x + n, g), &dx, &dy);
-  store_lanes(dx, out, g);
-  store_lanes(dy, out + n, g);
-}
-
 kernel void probe_turn(global const real *x, const int n, global real *out) {
   const size_t g = get_global_id(0);
   store_lanes(turn_of(load_lanes(x + n, g), load_lanes(x, g)), out, g);
-}
-
-/* Samples `n` of one dimension: every lane is its own stream, given as integers in x. */
-kernel void probe_sobol(global const real *x, const int n, global real *out, const int samples,
-                        const int dimension) {
-  const size_t g = get_global_id(0);
-  intv numbers = int_from_real(load_lanes(x, g));
-#if WIDTH == 1
-  uintv stream = as_uint(numbers);
-#else
-  uintv stream = __builtin_astype(numbers, uintv);
-#endif
-  for (int i = 0; i < samples; ++i)
-    store_lanes(sobol_coordinate((uint)i, dimension, stream), out + (size_t)i * n, g);
 }
 
 /* The eight numbers of a bounce for samples 0 ... n - 1 of a stream. */

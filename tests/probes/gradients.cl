@@ -24,7 +24,7 @@ kernel void probe_index_force(global const real *profile, global const real *x, 
   store_lanes(fz, out + 3 * n, g);
 }
 
-kernel void probe_gauss_steps(global const real *profile, global const real *x, const int n,
+kernel void probe_steps(global const real *profile, global const real *x, const int n,
                               global real *out, const real h, const int steps) {
   const size_t g = get_global_id(0);
   rayv ray;
@@ -35,7 +35,7 @@ kernel void probe_gauss_steps(global const real *profile, global const real *x, 
   ray.ty = load_lanes(x + 4 * n, g);
   ray.tz = load_lanes(x + 5 * n, g);
   realv length = 0;
-  for (int i = 0; i < steps; ++i) length += gauss_step(&ray, profile, h);
+  for (int i = 0; i < steps; ++i) length += gradient_step(&ray, profile, h);
   store_lanes(ray.x, out, g);
   store_lanes(ray.y, out + n, g);
   store_lanes(ray.z, out + 2 * n, g);

@@ -2,7 +2,8 @@
 
 A file is lines of a keyword and values. "SURF n" begins a surface, to which the lines after it
 belong; what stands before the first one is about the whole system. Keywords that say nothing about
-where rays go are skipped.
+where rays go are skipped. The program indents the lines of a surface: behind those, what is not
+indented is about merit functions, tolerances and configurations, whose words may be the same.
 """
 
 from __future__ import annotations
@@ -61,6 +62,7 @@ class ZmxFile:
     wavelengths_nm: dict[int, float] = field(default_factory=dict)
     primary: int = 1
     surfaces: list[ZmxSurface] = field(default_factory=list)
+    has_indents: bool = False
 
     @property
     def primary_nm(self) -> float | None:
@@ -139,7 +141,10 @@ def _record(found: ZmxFile, line: _Line) -> None:
             raise line.fail(f"must count from 0 up by 1 to {MOST_SURFACES}, got {number}")
         found.surfaces.append(ZmxSurface(number, line.number))
     elif found.surfaces:
-        _surface_record(found.surfaces[-1], line)
+        is_indented = line.text[:1].isspace()
+        found.has_indents = found.has_indents or is_indented
+        if is_indented or not found.has_indents:
+            _surface_record(found.surfaces[-1], line)
     else:
         _system_record(found, line)
 
@@ -218,6 +223,23 @@ def _parameter(surface: ZmxSurface, line: _Line) -> None:
     surface.parameters[line.index_at(0)] = line.finite_at(1)
 
 
+def _aperture_decentre(surface: ZmxSurface, line: _Line) -> None:
+    if any(line.finite_at(i) != 0 for i in range(len(line.words))):
+        raise line.fail(
+            f"shifts the aperture of surface {surface.number}, which cannot be read; decentre the "
+            "surface with coordinate breaks"
+        )
+
+
+def _surface_tilt(surface: ZmxSurface, line: _Line) -> None:
+    # Three flags, then decentres and tilts before the surface, an order flag, and those after it.
+    if any(line.finite_at(i) != 0 for i in range(3, len(line.words))):
+        raise line.fail(
+            f"tilts or decentres surface {surface.number} in its properties, which cannot be read; "
+            "use coordinate breaks"
+        )
+
+
 def _extra(surface: ZmxSurface, line: _Line) -> None:
     surface.extra[line.index_at(0)] = line.finite_at(1)
 
@@ -233,4 +255,6 @@ _READERS: dict[str, Callable[[ZmxSurface, _Line], None]] = {
     "COMM": _comment,
     "PARM": _parameter,
     "XDAT": _extra,
+    "OBDC": _aperture_decentre,
+    "SCBD": _surface_tilt,
 }

@@ -111,12 +111,19 @@ def draw_through_focus(
 
 
 def draw_lca(wavelengths_nm: np.ndarray, lca_dpt: np.ndarray, ax: Axes | None = None) -> Axes:
-    """Longitudinal chromatic aberration against wavelength; returns the axes."""
+    """Longitudinal chromatic aberration against wavelength; returns the axes.
+
+    Where it is 0 at all wavelengths the picture says that the eye has no dispersion.
+    """
     axes = axes_or_new(ax)
     axes.axhline(0.0, color=PALE, lw=0.8)
     axes.plot(wavelengths_nm, lca_dpt, color=FIELD_COLOURS[0], lw=1.8)
     dress(axes, "wavelength (nm)", "refraction, relative (dpt)")
     axes.set_xlim(float(wavelengths_nm[0]), float(wavelengths_nm[-1]))
+    if len(wavelengths_nm) > 1 and not np.any(lca_dpt):
+        axes.set_title("no dispersion published", fontsize="medium")
+        axes.set_ylim(-1.0, 1.0)
+        return axes
     span = f"{wavelengths_nm[0]:g} to {wavelengths_nm[-1]:g} nm"
     axes.set_title(f"LCA {abs(lca_dpt[-1] - lca_dpt[0]):.3g} dpt, {span}", fontsize="medium")
     return axes

@@ -35,7 +35,7 @@ INLINE maskv leave_eye(rayv *ray, constant element_t *elements, int n_elements,
 #if HAS_SCATTER
     if (element->kind == ELEMENT_STOP) bend = element->bend;
 #endif
-    if (element->kind == ELEMENT_REFRACT) refract(ray, element, eye_table, -1, &at);
+    if (element->is_bending) refract(ray, element, eye_table, -1, &at);
   }
   ray->z += vertex_z;
 #if HAS_SCATTER

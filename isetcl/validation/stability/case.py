@@ -55,9 +55,13 @@ class Bench:
         """Spacing of numbers at 1."""
         return float(np.finfo(self.real).eps)
 
-    def rounded(self, *arrays: np.ndarray) -> list[np.ndarray]:
-        """Numbers as the kernels hold them, so that a reference starts from the same ones."""
-        return [np.asarray(a, dtype=float).astype(self.real).astype(float) for a in arrays]
+    def rounded(self, values: np.ndarray) -> np.ndarray:
+        """Numbers as the kernels hold them."""
+        return np.asarray(np.asarray(values, dtype=float).astype(self.real), dtype=float)
+
+    def rays(self, origins: np.ndarray, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rays as the kernels hold them, so that a reference starts from the same ones."""
+        return self.rounded(origins), self.rounded(directions)
 
     def number(self, value: float) -> float:
         """A single number as the kernels hold it."""
@@ -200,6 +204,11 @@ def case(
         return measure
 
     return register
+
+
+def registered(number: int) -> Case:
+    """A case by its number."""
+    return _CASES[number]
 
 
 @functools.cache

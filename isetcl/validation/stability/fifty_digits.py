@@ -8,10 +8,8 @@ slope. Python's decimal numbers are the same on every machine.
 from __future__ import annotations
 
 import decimal
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from decimal import Decimal
-
-import numpy as np
 
 from isetcl.eye.prescription import Element
 from isetcl.eye.shapes.biconic import Biconic
@@ -23,7 +21,10 @@ Point = list[Decimal]
 
 
 def trace(
-    sequence: Sequence[Element], origin: Sequence[float], direction: Sequence[float], sense: int
+    sequence: Sequence[Element],
+    origin: Iterable[float | Decimal],
+    direction: Iterable[float | Decimal],
+    sense: int,
 ) -> tuple[Point, Point, Decimal] | None:
     """One ray through elements in the order it meets them.
 
@@ -43,8 +44,8 @@ def trace(
     with decimal.localcontext() as context:
         context.prec = DIGITS
         context.Emax, context.Emin = decimal.MAX_EMAX, decimal.MIN_EMIN
-        p = [Decimal(float(v)) for v in origin]
-        d = _unit([Decimal(float(v)) for v in direction])
+        p = [_exactly(v) for v in origin]
+        d = _unit([_exactly(v) for v in direction])
         opl = Decimal(0)
         for e in sequence:
             n1, n2 = Decimal(e.n_before), Decimal(e.n_after)
@@ -69,23 +70,6 @@ def trace(
                     return None
                 d = bent
         return p, d, opl
-
-
-def hits(
-    sequence: Sequence[Element], origins: np.ndarray, directions: np.ndarray, sense: int = 1
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Points (n, 3), directions (n, 3), path lengths (n,) of rays, rounded; and which exist (n,).
-
-    NaN for lost rays. To compare with float64 results use `errors`: the points are rounded.
-    """
-    traced = [trace(sequence, o, d, sense) for o, d in zip(origins, directions, strict=True)]
-    nothing = [np.nan] * 3
-    return (
-        np.array([nothing if t is None else [float(v) for v in t[0]] for t in traced]),
-        np.array([nothing if t is None else [float(v) for v in t[1]] for t in traced]),
-        np.array([np.nan if t is None else float(t[2]) for t in traced]),
-        np.array([t is not None for t in traced]),
-    )
 
 
 def _conic(e: Element, p: Point, d: Point, sense: int) -> tuple[Decimal, Point, Point] | None:
@@ -150,6 +134,10 @@ def _snell(d: Point, normal: Point, ratio: Decimal) -> Point | None:
         return None
     step = inside.sqrt() - ratio * cosine
     return [ratio * u + step * v for u, v in zip(d, normal, strict=True)]
+
+
+def _exactly(value: float | Decimal) -> Decimal:
+    return value if isinstance(value, Decimal) else Decimal(float(value))
 
 
 def _dot(a: Point, b: Point) -> Decimal:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from decimal import Decimal
 
 import numpy as np
 
@@ -20,7 +21,8 @@ def surface(
 ) -> Element:
     """A surface whose constants the kernels hold exactly, as far as they are numbers of theirs."""
     c, k = bench.number(curvature), bench.number(conic)
-    return Element(ElementKind.REFRACT, "surface", 0.0, c, k, _WIDE, *map(bench.number, n))
+    before, after = (bench.number(index) for index in n)
+    return Element(ElementKind.REFRACT, "surface", 0.0, c, k, _WIDE, before, after)
 
 
 def error_um(
@@ -30,7 +32,7 @@ def error_um(
 
     The exact ray starts from the numbers that the kernels hold.
     """
-    origins, directions = bench.rounded(origins, directions)
+    origins, directions = bench.rays(origins, directions)
     got = bench.trace((element,), origins, directions)
     errors, cosines = np.zeros(len(origins)), np.ones(len(origins))
     for i, (o, d) in enumerate(zip(origins, directions, strict=True)):
@@ -39,10 +41,7 @@ def error_um(
             errors[i] = np.inf
         elif exact is not None:
             point = exact[0]
-            parts = [
-                float(point[j] - fifty_digits.Decimal(got.positions_mm[i, j].item()))
-                for j in range(3)
-            ]
+            parts = [float(point[j] - Decimal(got.positions_mm[i, j].item())) for j in range(3)]
             errors[i] = UM_PER_MM * math.hypot(*parts)
             slope = _slope(element, [float(v) for v in point])
             cosines[i] = abs(float(slope @ d)) / np.linalg.norm(slope) / np.linalg.norm(d)
@@ -114,10 +113,10 @@ def _nearly_plane(bench: Bench) -> float:
     for angle in (0.0, 0.7, -1.2):
         directions = leaning(angle, 11)
         origins = np.stack([heights, 0 * heights, 0 * heights], axis=1) - 3.0 * directions
-        plane = bench.trace((surface(bench, 0.0, 0.0),), *bench.rounded(origins, directions))
+        plane = bench.trace((surface(bench, 0.0, 0.0),), *bench.rays(origins, directions))
         for c in (1e-9, 1e-12, -1e-9):
             for k in (-50.0, -1.0, 0.0, 20.0):
-                got = bench.trace((surface(bench, c, k),), *bench.rounded(origins, directions))
+                got = bench.trace((surface(bench, c, k),), *bench.rays(origins, directions))
                 apart = np.linalg.norm(got.positions_mm - plane.positions_mm, axis=1)
                 sag = abs(c) * heights**2 / 2.0 / math.cos(angle)
                 worst = max(worst, float(np.max(apart - 1.001 * sag)))
@@ -145,7 +144,7 @@ def _rim(bench: Bench) -> int:
     element = surface(bench, 0.2, 0.0)
     heights = 5.0 * np.sqrt(1.0 - 10.0 ** -np.linspace(2, 14, 49))
     origins = np.stack([heights, 0 * heights, 0 * heights - 3.0], axis=1)
-    got = bench.trace((element,), *bench.rounded(origins, leaning(0.0, 49)))
+    got = bench.trace((element,), *bench.rays(origins, leaning(0.0, 49)))
     off = np.abs(np.linalg.norm(got.positions_mm - [0, 0, 5.0], axis=1) - 5.0)
     # Within rounding of the rim a ray may be lost; what hits must lie on the sphere.
     wrong = got.passed & ~(off < 40 * bench.epsilon)
@@ -161,7 +160,7 @@ def _just_missing(bench: Bench) -> int:
     signs = np.repeat([1.0, -1.0], 31)
     heights = 5.0 * np.sqrt(1.0 + signs * offsets)
     origins = np.stack([heights, 0 * heights, 0 * heights - 3.0], axis=1)
-    origins, directions = bench.rounded(origins, leaning(0.0, 62))
+    origins, directions = bench.rays(origins, leaning(0.0, 62))
     got = bench.trace((element,), origins, directions)
     # D = 1 - c^2 x^2 of the rounded ray; where it is within 1e-5 of 0 either may be.
     d = 1.0 - (element.curvature * origins[:, 0]) ** 2
@@ -216,7 +215,7 @@ def _critical(bench: Bench, offsets_deg: list[float]) -> tuple[np.ndarray, np.nd
     """Status, error of the direction times cos I', and whether all is finite, by offset."""
     element = surface(bench, 0.0, 0.0, (1.5, 1.0))
     angles = math.asin(1.0 / 1.5) + np.radians(offsets_deg)
-    (directions,) = bench.rounded(leaning(angles))
+    directions = bench.rounded(leaning(angles))
     got = bench.trace((element,), np.tile([0.0, 0.0, -1.0], (len(angles), 1)), directions)
     scaled = np.zeros(len(angles))
     for i, d in enumerate(directions):
@@ -247,7 +246,7 @@ def _beyond_critical(bench: Bench) -> int:
 def _equal_indices(bench: Bench) -> float:
     element = surface(bench, 0.15, -0.5, (1.376, 1.376))
     angles = np.linspace(-0.6, 0.6, 31)
-    (directions,) = bench.rounded(leaning(angles))
+    directions = bench.rounded(leaning(angles))
     got = bench.trace((element,), -3.0 * directions + [0.5, 0.3, 0.0], directions)
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     worst = float(np.abs(got.directions - unit).max()) / bench.epsilon

@@ -1,0 +1,135 @@
+"""The commands `isetcl validate ...`: what isetcl gets right, measured here and now."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, cast
+
+import typer
+
+from isetcl.errors import FileError, check_choice
+
+if TYPE_CHECKING:
+    from isetcl.device.layout import Precision
+    from isetcl.validation.stability import Outcome, Report
+
+validate = typer.Typer(
+    name="validate",
+    help="Measure what isetcl gets right, on the devices present.",
+    no_args_is_help=True,
+)
+
+FAILED = 1
+
+
+@validate.callback()
+def _validate() -> None:
+    """Measure what isetcl gets right, on the devices present."""
+
+
+@validate.command()
+def stability(
+    device: Annotated[
+        str | None,
+        typer.Option(help="'platform:device' or part of a name; every device without it."),
+    ] = None,
+    precision: Annotated[
+        str | None, typer.Option(help="'single' or 'double'; both without it.")
+    ] = None,
+    case: Annotated[
+        list[int] | None, typer.Option(help="Run this case only; may be given again.")
+    ] = None,
+    full: Annotated[
+        bool, typer.Option("--full", help="Run the longest cases at full size.")
+    ] = False,
+    json_file: Annotated[
+        Path | None, typer.Option("--json", help="Write the outcomes to a JSON file.")
+    ] = None,
+    markdown_file: Annotated[
+        Path | None, typer.Option("--markdown", help="Write the tables to a Markdown file.")
+    ] = None,
+) -> None:
+    """Run the extreme cases in float32 and float64; exit status 1 if one fails."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from isetcl.validation.stability import cases, markdown, run
+
+    if precision is not None:
+        check_choice("precision", precision, ("single", "double"))
+    for path in (json_file, markdown_file):
+        _check_writable(path)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("building kernels", total=None)
+
+        def show(name: str, outcome: Outcome) -> None:
+            bar.update(
+                task, description=f"{name[:40]}: case {outcome.case.number} {outcome.verdict}"
+            )
+
+        reports = run(
+            device,
+            cast("Precision | None", precision),
+            numbers=case or None,
+            full=full,
+            on_outcome=show,
+        )
+    _print(reports, len(cases()))
+    if json_file is not None:
+        json_file.write_text(
+            json.dumps([r.record() for r in reports], indent=1) + "\n", encoding="utf-8"
+        )
+    if markdown_file is not None:
+        markdown_file.write_text(markdown(reports), encoding="utf-8")
+    if any(r.failures for r in reports):
+        raise typer.Exit(FAILED)
+
+
+def _check_writable(path: Path | None) -> None:
+    if path is not None and not path.absolute().parent.is_dir():
+        raise FileError(f"cannot write {path}: folder {path.absolute().parent} does not exist")
+
+
+def _print(reports: tuple[Report, ...], known: int) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from isetcl.validation.stability.suite import PRECISIONS, by_case
+
+    console = Console()
+    for report in reports:
+        of = report.device
+        table = Table(title=f"{of['platform']}: {of['device']}")
+        table.add_column("case", justify="right")
+        table.add_column("input", no_wrap=True, overflow="ellipsis")
+        for name in ("float32", "float64"):
+            table.add_column(f"{name} (allowed)", justify="right", no_wrap=True)
+        for of_case in by_case(report):
+            case = next(iter(of_case.values())).case
+            cells = [_cell(of_case.get(precision)) for precision in PRECISIONS]
+            table.add_row(str(case.number), case.title, *cells)
+        console.print(table)
+        for o in report.failures:
+            console.print(
+                f"case {o.case.number}, {o.precision}: {o.case.title}: {o.verdict}; expected "
+                f"{o.case.expected}, measured {o.value:.3g} {o.case.unit} {o.note}",
+                highlight=False,
+                soft_wrap=True,
+            )
+        count = len({o.case.number for o in report.outcomes})
+        seconds = sum(o.seconds for o in report.outcomes)
+        verdict = f"{len(report.failures)} failed" if report.failures else "all pass"
+        console.print(f"{count} of {known} cases in {seconds:.0f} s: {verdict}", highlight=False)
+
+
+def _cell(outcome: Outcome | None) -> str:
+    """A measured value beside its tolerance, in the colour of the verdict."""
+    from isetcl.validation.stability.suite import number
+
+    if outcome is None or outcome.verdict == "not applicable":
+        return "[dim]–[/dim]"
+    text = f"{number(outcome.value)} ({number(outcome.case.tolerance(outcome.precision))})"
+    colour = "red" if outcome.failed else "green"
+    return f"[{colour}]{'FAILS ' if outcome.failed else ''}{text}[/{colour}]"

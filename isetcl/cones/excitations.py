@@ -1,0 +1,297 @@
+"""Excitations: what the receptors of a mosaic catch of a retinal image, with and without noise."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from isetcl.cones.light_catch import LightCatch
+from isetcl.cones.mosaic import ConeMosaic
+from isetcl.cones.observer import Observer
+from isetcl.cones.receptors import ReceptorType
+from isetcl.errors import (
+    FileError,
+    InvalidInputError,
+    check_choice,
+    check_count,
+    check_number,
+    check_positive,
+    check_type,
+    check_vectors,
+)
+from isetcl.retina.image import RetinalImage
+
+if TYPE_CHECKING:
+    import xarray
+
+    from isetcl.device.layout import Precision
+
+_MOST_BYTES = 2 << 30
+
+
+class Excitations:
+    """Excitations of receptors in each frame.
+
+    Attributes
+    ----------
+    dataset : xarray.Dataset
+        ``mean`` (frame, receptor): mean excitations in one integration time. Coordinates by
+        receptor: ``x_deg``, ``y_deg``, ``type`` (0 L, 1 M, 2 S, 3 rod); by frame: ``time_s`` and
+        where the fovea looks, ``gaze_x_deg`` and ``gaze_y_deg``. Attributes:
+        ``integration_time_s``, ``seed``, ``provenance`` (JSON).
+    """
+
+    def __init__(self, dataset: xarray.Dataset) -> None:
+        import xarray
+
+        check_type("dataset", dataset, xarray.Dataset)
+        if "mean" not in dataset or dataset["mean"].dims != ("frame", "receptor"):
+            raise InvalidInputError(
+                "excitations need a variable 'mean' with dimensions (frame, receptor); this "
+                "dataset has none"
+            )
+        self.dataset = dataset
+
+    @property
+    def mean(self) -> xarray.DataArray:
+        """Mean excitations in one integration time, (frame, receptor)."""
+        return self.dataset["mean"]
+
+    @property
+    def types(self) -> np.ndarray:
+        """Type of each receptor, (receptor,)."""
+        return np.asarray(self.dataset["type"].values)
+
+    @property
+    def integration_time_s(self) -> float:
+        """Time over which excitations are counted, s."""
+        return float(self.dataset.attrs["integration_time_s"])
+
+    @property
+    def counts(self) -> xarray.DataArray:
+        """One noisy instance, of the seed the excitations were made with, (frame, receptor)."""
+        return self.instances(1, int(self.dataset.attrs["seed"])).isel(instance=0, drop=True)
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """How the excitations were made."""
+        return dict(json.loads(self.dataset.attrs.get("provenance", "{}")))
+
+    def of(self, kind: str | int) -> xarray.DataArray:
+        """Means of the receptors of one type, ``"L"``, ``"M"``, ``"S"`` or ``"ROD"``."""
+        number = ReceptorType[kind].value if isinstance(kind, str) else int(kind)
+        return self.mean.isel(receptor=np.flatnonzero(self.types == number))
+
+    def instances(self, count: int = 1, seed: int = 0) -> xarray.DataArray:
+        """Noisy instances: Poisson variables of the means, (instance, frame, receptor), uint32.
+
+        Numbers of an instance depend on the seed and its place only: instance 7 is the same among
+        10 as among 1000. They come from a counter-based generator (Philox; Salmon et al. 2011).
+
+        Raises
+        ------
+        InvalidInputError
+            If they need more than 2 GB; ask for fewer, or one seed at a time.
+        """
+        import xarray
+
+        count = check_count("count", count, 1, 1 << 31)
+        seed = check_count("seed", seed, 0, (1 << 63) - 1)
+        mean = self.mean.values
+        size = 4 * count * mean.size
+        if size > _MOST_BYTES:
+            raise InvalidInputError(
+                f"{count} instances of {mean.shape[0]} frames and {mean.shape[1]} receptors need "
+                f"{size / 2**30:.3g} GiB, and at most 2 are made at once; ask for fewer"
+            )
+        counts = np.empty((count, *mean.shape), dtype=np.uint32)
+        for i in range(count):
+            generator = np.random.Generator(np.random.Philox(key=[seed, i]))
+            counts[i] = generator.poisson(mean)
+        return xarray.DataArray(
+            counts,
+            dims=("instance", "frame", "receptor"),
+            coords=dict(self.mean.coords),
+            attrs={"long_name": "excitations", "units": "1", "seed": seed},
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write the means as NetCDF-4; returns the path.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        check_type("path", path, (str, Path))
+        target = Path(path)
+        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+        try:
+            self.dataset.to_netcdf(temporary, engine="h5netcdf")
+            os.replace(temporary, target)
+        except OSError as error:
+            raise FileError(
+                f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
+            ) from error
+        finally:
+            temporary.unlink(missing_ok=True)
+        return target
+
+    @classmethod
+    def load(cls, path: str | Path) -> Excitations:
+        """Read excitations that `save` wrote.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be read or is something else.
+        """
+        import xarray
+
+        try:
+            with xarray.open_dataset(path, engine="h5netcdf") as opened:
+                return cls(opened.load())
+        except (OSError, ValueError, InvalidInputError) as error:
+            raise FileError(f"cannot read excitations from {str(path)!r}: {error}") from error
+
+
+def excitations(
+    mosaic: ConeMosaic,
+    image: RetinalImage,
+    integration_time_s: float = 0.005,
+    *,
+    observer: Observer | None = None,
+    gaze_deg: np.ndarray | Sequence[Sequence[float]] | None = None,
+    frame_time_s: float | None = None,
+    dark_rate_hz: float = 0.0,
+    has_macular_pigment: bool = True,
+    segments: Literal["spectral", "mean", "none"] = "spectral",
+    seed: int = 0,
+    precision: Precision = "single",
+    device: str | None = None,
+) -> Excitations:
+    """Mean excitations of every receptor of a mosaic.
+
+    The spectral irradiance is averaged over each receptor's own aperture, exactly in area, and
+    weighted by its pigment behind the macular pigment of its own eccentricity. Media in front of
+    the retina belong to the image: `RetinalImage.through` puts them there.
+
+    Parameters
+    ----------
+    mosaic
+        The receptors. `ConeMosaic.moved` places them in an image whose fovea is off the axis.
+    image
+        The retinal image, W m^-2 nm^-1.
+    integration_time_s
+        Time over which excitations are counted, s.
+    observer
+        Pigments; None is the standard observer, `Observer()`.
+    gaze_deg
+        Where the fovea looks from frame to frame, relative to the mosaic's place, (frames, 2),
+        degrees: the path of an eye that moves before a still image. None is one frame at rest.
+    frame_time_s
+        Time from frame to frame; None is the integration time.
+    dark_rate_hz
+        Excitations a second that occur without light: about 100 to 300 in the literature (Koenig &
+        Hofer 2011), 250 in Lian et al. 2019.
+    has_macular_pigment
+        False where the image has it already; see `isetcl.retina.transmittance`.
+    segments
+        Outer segments shorten with eccentricity, and pigments with them: ``"spectral"``, by each
+        wavelength; ``"mean"``, by the mean over wavelengths for L cones, as ISETBio does;
+        ``"none"``, not at all.
+    seed
+        Seed of `Excitations.counts`.
+    precision, device
+        As in `render`.
+
+    Raises
+    ------
+    InvalidInputError
+        If receptors look beyond the image, or an argument is out of range.
+    """
+    check_type("mosaic", mosaic, ConeMosaic)
+    check_type("image", image, RetinalImage)
+    check_positive("integration_time_s", integration_time_s, "s")
+    step = (
+        integration_time_s if frame_time_s is None else check_positive("frame_time_s", frame_time_s)
+    )
+    if not (np.isfinite(check_number("dark_rate_hz", dark_rate_hz)) and dark_rate_hz >= 0):
+        raise InvalidInputError(f"dark_rate_hz must be finite and >= 0 Hz, got {dark_rate_hz}")
+    check_choice("segments", segments, ("spectral", "mean", "none"))
+    gaze = np.zeros((1, 2)) if gaze_deg is None else check_vectors("gaze_deg", gaze_deg, width=2)
+    if len(gaze) == 0:
+        raise InvalidInputError("gaze_deg must have at least one frame, got none")
+    watcher = Observer() if observer is None else observer
+    check_type("observer", watcher, Observer)
+    catch = LightCatch(mosaic, image, watcher, segments, has_macular_pigment)
+    catch.check_inside(gaze)
+    if catch.is_coarse:
+        warnings.warn(catch.coarse_message, stacklevel=3)
+    mean = catch.rates(gaze, precision, device) * mean_type(integration_time_s, precision)
+    mean += mean_type(dark_rate_hz * integration_time_s, precision)
+    details = {
+        "integration_time_s": integration_time_s,
+        "dark_rate_hz": dark_rate_hz,
+        "observer": watcher.describe(),
+        "segments": segments,
+        "has_macular_pigment": has_macular_pigment,
+        "mosaic": mosaic.provenance,
+        "image": image.provenance,
+    }
+    return _labelled(mosaic, mean, gaze, step, integration_time_s, seed, details)
+
+
+def mean_type(value: float, precision: Precision) -> np.floating:
+    """A number of the type the means have, so that products keep it."""
+    return np.float32(value) if precision == "single" else np.float64(value)
+
+
+def _labelled(
+    mosaic: ConeMosaic,
+    mean: np.ndarray,
+    gaze: np.ndarray,
+    step_s: float,
+    integration_time_s: float,
+    seed: int,
+    details: dict[str, Any],
+) -> Excitations:
+    import xarray
+
+    places = mosaic.positions_deg
+    dataset = xarray.Dataset(
+        {
+            "mean": (
+                ("frame", "receptor"),
+                mean,
+                {"units": "1", "long_name": "mean excitations in one integration time"},
+            )
+        },
+        coords={
+            "x_deg": ("receptor", places[:, 0], {"units": "deg"}),
+            "y_deg": ("receptor", places[:, 1], {"units": "deg"}),
+            "type": ("receptor", mosaic.types),
+            "time_s": ("frame", step_s * np.arange(len(gaze)), {"units": "s"}),
+            "gaze_x_deg": ("frame", gaze[:, 0], {"units": "deg"}),
+            "gaze_y_deg": ("frame", gaze[:, 1], {"units": "deg"}),
+        },
+        attrs={
+            "integration_time_s": float(integration_time_s),
+            "seed": check_count("seed", seed, 0, (1 << 63) - 1),
+            "provenance": json.dumps(details, default=_plain),
+        },
+    )
+    return Excitations(dataset)
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return dataclasses.asdict(value)
+    return np.asarray(value).tolist()

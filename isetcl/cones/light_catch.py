@@ -1,0 +1,219 @@
+"""From irradiance to excitations: apertures in an image's pixels, efficiencies of receptors."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from isetcl.cones.mosaic import ConeMosaic
+from isetcl.cones.observer import Observer
+from isetcl.cones.receptors import ReceptorType, outer_segment_um
+from isetcl.errors import InvalidInputError
+from isetcl.eye.people.macular_pigment import macular_fraction
+from isetcl.retina.image import RetinalImage
+from isetcl.spectrum import bin_widths
+from isetcl.units import NM_PER_M, PLANCK_J_S, SPEED_OF_LIGHT_M_S
+
+if TYPE_CHECKING:
+    from isetcl.device.layout import Precision
+
+_GRID_TOLERANCE = 1e-6
+_SEGMENT_NODES = 64
+_MOST_EFFICIENCIES = 1 << 24
+
+
+class LightCatch:
+    """Receptors of a mosaic before an image.
+
+    Parameters
+    ----------
+    mosaic, image, observer
+        Who looks, at what, with which pigments.
+    segments, has_macular_pigment
+        As in `isetcl.cones.excitations`.
+
+    Raises
+    ------
+    InvalidInputError
+        If the image has fewer than 2 x 2 pixels or 2 wavelengths, uneven pixels, or values that are
+        negative or not finite.
+    """
+
+    def __init__(
+        self,
+        mosaic: ConeMosaic,
+        image: RetinalImage,
+        observer: Observer,
+        segments: str = "spectral",
+        has_macular_pigment: bool = True,
+    ) -> None:
+        self._mosaic, self._image, self._observer = mosaic, image, observer
+        self._segments, self._has_macular = segments, has_macular_pigment
+        self._check_image()
+        self.apertures = self._apertures()
+
+    def _check_image(self) -> None:
+        values = self._image.irradiance.values
+        if min(values.shape[1:]) < 2 or values.shape[0] < 2:
+            raise InvalidInputError(
+                "excitations need an image of at least 2 x 2 pixels and 2 wavelengths, got "
+                f"{values.shape[2]} x {values.shape[1]} pixels and {values.shape[0]} wavelengths"
+            )
+        if not np.all(np.isfinite(values)) or values.min() < 0:
+            worst = values[~(np.isfinite(values) & (values >= 0))][0]
+            raise InvalidInputError(
+                f"irradiance must be finite and >= 0 W m^-2 nm^-1, got {worst:g}; clip or mend the "
+                "image first"
+            )
+
+    @functools.cached_property
+    def _axes(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """First pixel's middle and step of the columns and of the rows, degrees."""
+        found = []
+        for name in ("x", "y"):
+            at = self._image.dataset[name].values.astype(np.float64)
+            steps = np.diff(at)
+            step = float(np.mean(steps))
+            if step == 0 or np.max(np.abs(steps - step)) > _GRID_TOLERANCE * max(1.0, len(at)):
+                raise InvalidInputError(
+                    f"pixels must lie in equal steps along {name}, got steps of {steps.min():g} to "
+                    f"{steps.max():g} deg"
+                )
+            found.append((float(at[0]), step))
+        return found[0], found[1]
+
+    def _apertures(self) -> np.ndarray:
+        """Column, row, semi-axes of every receptor, pixels from the image's corner, (n, 4)."""
+        (x0, dx), (y0, dy) = self._axes
+        places = self._mosaic.positions_deg
+        column = (places[:, 0] - x0) / dx + 0.5
+        row = (places[:, 1] - y0) / dy + 0.5
+        scale = []
+        shape = self._image.irradiance.shape[1:]
+        at = tuple(
+            np.clip(np.floor(v).astype(int), 0, n - 1)
+            for v, n in zip((row, column), shape, strict=True)
+        )
+        mm = [self._image.dataset[name].values.astype(np.float64) for name in ("x_mm", "y_mm")]
+        for axis in (1, 0):
+            pixel_mm = np.hypot(*(np.gradient(each, axis=axis) for each in mm))
+            scale.append(pixel_mm[at])
+        radius_mm = 0.5e-3 * self._mosaic.aperture_um
+        self.pixel_um = 1e3 * np.stack(scale, axis=1)
+        return np.stack([column, row, radius_mm / scale[0], radius_mm / scale[1]], axis=1)
+
+    @property
+    def _reach(self) -> float:
+        from isetcl.device.cone_apertures import GAUSSIAN_REACH
+
+        return GAUSSIAN_REACH if self._mosaic.aperture_shape == "gaussian" else 1.0
+
+    def shifts(self, gaze_deg: np.ndarray) -> np.ndarray:
+        """Columns and rows by which gazes move the receptors over the image, (frames, 2)."""
+        (_, dx), (_, dy) = self._axes
+        return gaze_deg / np.array([dx, dy])
+
+    def check_inside(self, gaze_deg: np.ndarray) -> None:
+        """Raise InvalidInputError if an aperture reaches beyond the image in some frame."""
+        moved = self.shifts(gaze_deg)
+        low, high = moved.min(axis=0), moved.max(axis=0)
+        shape = np.array(self._image.irradiance.shape[:0:-1])
+        reach = self._reach * self.apertures[:, 2:]
+        slack = 1e-6 * shape
+        outside = (self.apertures[:, :2] - reach + low < -slack) | (
+            self.apertures[:, :2] + reach + high > shape + slack
+        )
+        count = int(np.count_nonzero(outside.any(axis=1)))
+        if count:
+            left, right, bottom, top = self._image.extent_deg
+            (x_low, y_low), (x_high, y_high) = self._mosaic.extent_deg
+            moves = np.abs(gaze_deg).max()
+            raise InvalidInputError(
+                f"{count} of {len(self._mosaic)} receptors look beyond the image, which spans "
+                f"x {left:.4g} to {right:.4g} and y {bottom:.4g} to {top:.4g} deg; the mosaic "
+                f"spans x {x_low:.4g} to {x_high:.4g} and y {y_low:.4g} to {y_high:.4g} deg, and "
+                f"the gaze moves by up to {moves:.3g} deg; render a larger fov_deg or use "
+                "mosaic.within"
+            )
+
+    @property
+    def is_coarse(self) -> bool:
+        """Whether pixels are wider than the smallest aperture."""
+        return bool(np.any(2.0 * self.apertures[:, 2:].min(axis=0) < 1.0))
+
+    @property
+    def coarse_message(self) -> str:
+        """What to do about pixels that are too wide."""
+        worst = float(np.min(self.apertures[:, 2:]))
+        rows, columns = self._image.irradiance.shape[1:]
+        factor = 1.0 / (2.0 * worst)
+        return (
+            f"pixels are up to {factor:.2g} times as wide as the smallest aperture "
+            f"({self._mosaic.aperture_um.min():.3g} um), so the image is too coarse for these "
+            f"receptors; render at least {int(np.ceil(columns * factor))} x "
+            f"{int(np.ceil(rows * factor))} pixels, and three times as many for smooth edges"
+        )
+
+    def efficiencies(self, receptors: slice) -> np.ndarray:
+        """Excitations a second per W m^-2 nm^-1 at each wavelength, (receptors, wavelengths)."""
+        grid = self._image.wavelengths_nm
+        types = self._mosaic.types[receptors]
+        eccentricity = self._mosaic.eccentricity_deg[receptors]
+        efficiency = self._pigments(types, self._mosaic.outer_segment_um[receptors])
+        if self._has_macular:
+            density = self._observer.macular_density(grid)
+            efficiency = efficiency * 10.0 ** (-macular_fraction(eccentricity)[:, None] * density)
+        area_m2 = np.pi * (0.5e-6 * self._mosaic.aperture_um[receptors]) ** 2
+        photons = grid / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)
+        return np.asarray(efficiency * area_m2[:, None] * photons)
+
+    def _pigments(self, types: np.ndarray, segment_um: np.ndarray) -> np.ndarray:
+        """Excitations per photon of every receptor, (receptors, wavelengths)."""
+        observer, grid = self._observer, self._image.wavelengths_nm
+        efficiency = np.empty((len(types), len(grid)))
+        is_rod = types == ReceptorType.ROD
+        if np.any(is_rod):
+            efficiency[is_rod] = observer.rod_efficiency(grid)
+        fraction = segment_um / float(outer_segment_um(np.zeros(1))[0])
+        foveal = observer.quantal_efficiency(grid)
+        if self._segments == "spectral":
+            exponent = -np.log(10.0) * observer.absorbances(grid)
+            for kind, density in enumerate(observer.optical_densities):
+                chosen = types == kind
+                depth = density * fraction[chosen, None]
+                efficiency[chosen] = -np.expm1(depth * exponent[kind])
+            efficiency[~is_rod] *= observer.photon_efficiency
+            return efficiency
+        factor = np.ones(len(types))
+        if self._segments == "mean":
+            factor = self._mean_factor(fraction)
+        cones = ~is_rod
+        efficiency[cones] = foveal[types[cones]] * factor[cones, None]
+        return efficiency
+
+    def _mean_factor(self, fraction: np.ndarray) -> np.ndarray:
+        """ISETBio's factor: the mean over wavelengths of L's absorptance over that of the fovea."""
+        grid = self._image.wavelengths_nm
+        foveal = self._observer.quantal_efficiency(grid)[0]
+        nodes = np.linspace(fraction.min(), fraction.max(), _SEGMENT_NODES)
+        means = [np.mean(self._observer.quantal_efficiency(grid, f)[0] / foveal) for f in nodes]
+        return np.asarray(np.interp(fraction, nodes, means))
+
+    def rates(self, gaze_deg: np.ndarray, precision: Precision, device: str | None) -> np.ndarray:
+        """Mean excitations a second, (frames, receptors)."""
+        from isetcl.device.choose import find_device
+        from isetcl.device.cone_apertures import ApertureSums
+
+        sums = ApertureSums(
+            find_device(device),
+            self._image.irradiance.values,
+            is_gaussian=self._mosaic.aperture_shape == "gaussian",
+            precision=precision,
+        )
+        shifts = self.shifts(gaze_deg)
+        step = max(1, _MOST_EFFICIENCIES // len(self._image.wavelengths_nm))
+        parts = [slice(first, first + step) for first in range(0, len(self._mosaic), step)]
+        found = [sums.run(self.apertures[p], self.efficiencies(p), shifts) for p in parts]
+        return np.concatenate(found, axis=1)
