@@ -247,7 +247,7 @@ def gradients() -> str:
     record = load("gradients")
     parts = [
         "## Gradient-index lenses\n\n" + where(record),
-        "Nanoseconds a ray, medians, and how many times the Navarro eye's that is: `trace_rays` in "
+        "CPU ns a ray, medians, and how many times the Navarro eye's that is: `trace_rays` in "
         "both precisions, and the direct pipeline with one uniform plane. Shells have the index "
         "1.415 - 0.045 (zeta^2)^power.",
     ]
@@ -263,6 +263,13 @@ def gradients() -> str:
     ]  # fmt: skip
     head = ("eye", *(cell for name, _ in kinds for cell in (name, "times Navarro")))
     parts.append(table(head, rows))
+    parts.append("The two alone, `trace_rays` in single precision, with more and more rays:")
+    counts = [
+        (count, of["navarro"]["ns_median"], of["liou_brennan"]["ns_median"],
+         of["liou_brennan"]["times_navarro_median"])
+        for count, of in record["counts"].items()
+    ]  # fmt: skip
+    parts.append(table(("rays", "navarro", "liou_brennan", "times Navarro"), counts))
     parts.append(
         "Largest error on the retina of rays over a 3.2 mm pupil, um, against steps through each "
         "half of the lens."

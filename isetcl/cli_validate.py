@@ -102,13 +102,15 @@ def _print(reports: tuple[Report, ...], known: int) -> None:
     for report in reports:
         of = report.device
         table = Table(title=f"{of['platform']}: {of['device']}")
-        table.add_column("case", justify="right")
-        table.add_column("input", no_wrap=True, overflow="ellipsis")
-        for name in ("float32", "float64"):
-            table.add_column(f"{name} (allowed)", justify="right", no_wrap=True)
+        table.add_column("case", justify="right", min_width=4)
+        table.add_column("input", ratio=1)
+        shown = [p for p in PRECISIONS if any(p in of_case for of_case in by_case(report))]
+        for precision in shown:
+            name = {"single": "float32", "double": "float64"}[precision]
+            table.add_column(f"{name} (allowed)", justify="right", no_wrap=True, min_width=17)
         for of_case in by_case(report):
             case = next(iter(of_case.values())).case
-            cells = [_cell(of_case.get(precision)) for precision in PRECISIONS]
+            cells = [_cell(of_case.get(precision)) for precision in shown]
             table.add_row(str(case.number), case.title, *cells)
         console.print(table)
         for o in report.failures:

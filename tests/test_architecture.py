@@ -26,6 +26,7 @@ ORDER = (
     {"report"},
     {"distributed"},
     {"cli_scene", "cli_tables"},
+    {"cli_mtf"},
     {"cli_eye", "cli_figures"},
     {"cli_render"},
     {"cli_validate"},

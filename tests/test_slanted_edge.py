@@ -19,12 +19,9 @@ SLOPE_HALF = math.degrees(math.atan(0.5))
 CASES = [
     ("gaussian", 0.5, 2.0),
     ("gaussian", 0.7, SLOPE_QUARTER),
-    ("gaussian", 2.0, -20.0),
-    ("diffraction", 1.0, 5.0),
     ("diffraction", 2.0, 40.0),
     ("motion", 1.5, SLOPE_HALF),
     ("motion", 3.0, -75.0),
-    ("motion", 6.0, 9.0),
 ]
 MORE = [
     (kind, size, angle)
@@ -111,13 +108,13 @@ def check_noise(kind, size, angle, noise, shape, replicates):
 
 
 def test_noise_does_not_bias_the_transfer_and_the_standard_error_is_its_spread():
-    found, _ = check_noise("gaussian", 0.7, 6.0, 0.02, (64, 64), 12)
+    found, _ = check_noise("gaussian", 0.7, 6.0, 0.02, (64, 64), 10)
     assert found[0].edge.noise == pytest.approx(0.02, rel=0.1)
     half = math.sqrt(math.log(2.0) / 2.0) / (math.pi * 0.7)
     away = np.array([(e.mtf50_cpd - half) / e.mtf50_standard_error_cpd for e in found])
-    # A mean over 12: 4 standard errors; chi-square of 12 degrees at 1e-4.
-    assert abs(np.mean(away)) < 4.0 / math.sqrt(12.0)
-    assert np.sum(away**2) < 39.1
+    # A mean over 10: 4 standard errors; chi-square of 10 degrees at 1e-4.
+    assert abs(np.mean(away)) < 4.0 / math.sqrt(10.0)
+    assert np.sum(away**2) < 35.6
 
 
 @pytest.mark.slow

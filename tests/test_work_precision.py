@@ -81,6 +81,8 @@ def found(planted):
 
 def test_bias_and_noise_are_told_apart(found):
     own = found.of("biased")
+    # The first round warms up, and its images do not count twice.
+    assert own["images"].values.tolist() == [16] * 3
     assert own["bias"].values == pytest.approx([0.02] * 3, rel=0.05)
     expected = 0.1 / np.sqrt(KNOBS)
     assert own["monte_carlo"].values == pytest.approx(expected, rel=0.06)
@@ -351,6 +353,7 @@ def test_a_reference_that_is_not_independent_is_refused():
         (lambda: SceneMethod("layered_summ"), "layered_sum"),
         (lambda: SceneMethod(knob="oversampling"), "knob"),
         (lambda: SceneMethod(knobs=(2.5,)), "whole number"),
+        (lambda: SceneMethod("layered_sum", knobs=(16,)), "oversampling must be at most 8"),
         (lambda: SceneMethod(options={"spp": 3}), "cannot be an option"),
         (lambda: Reference(TRUTH, -1.0), ">= 0"),
         (lambda: Reference([1.0]), "ndarray"),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.eye import catalog
-from isetcl.figures.blur import ObjectBlur, object_blurs, sharp_view
+from isetcl.figures.blur import ObjectBlur, brightness, object_blurs, sharp_view
 from isetcl.figures.pictures import blank, finish, letter, show_image
 from isetcl.figures.result import FigureResult, Row, states
 from isetcl.scene import targets
@@ -52,7 +52,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     for i, (name, eye) in enumerate(eyes().items()):
         image = quality.render(scene, eye, **view)
         sharp = sharp_view(quality, scene, eye, **view)
-        blurs[name] = object_blurs(image, sharp, eye, DISTANCES_M, _MOST_BLUR_ARCMIN)
+        blurs[name] = object_blurs(brightness(image)[0], sharp, eye, DISTANCES_M, _MOST_BLUR_ARCMIN)
         show_image(panels[i], image, f"{name} eye", has_y_label=i == 0)
         letter(panels[i], "ABC"[i])
     rows = [found.row(f"{name} eye") for name, row in blurs.items() for found in row]

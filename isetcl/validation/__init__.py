@@ -10,7 +10,8 @@ from isetcl.validation.occlusion import (
     occlusion_error,
 )
 from isetcl.validation.occlusion_study import OcclusionStudy, occlusion_study
-from isetcl.validation.slanted_edge import Edge, SlantedEdgeMtf, slanted_edge_mtf
+from isetcl.validation.slanted_edge import slanted_edge_mtf
+from isetcl.validation.slanted_edge_result import Edge, SlantedEdgeMtf
 from isetcl.validation.three_mtfs import ThreeMtfs, three_mtfs
 from isetcl.validation.work_precision import (
     Reference,

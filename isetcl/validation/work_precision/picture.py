@@ -37,7 +37,8 @@ def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
         bars = np.maximum([error - ends[0], ends[1] - error], 0.0)
         # A bar down to 0 has no place on a log axis.
         bars[0] = np.minimum(bars[0], 0.9 * error)
-        order = np.argsort(x)
+        # In the order of the knob: times that hardly differ would be crossed at random.
+        order = np.argsort(own["value"].values)
         colour, marker = colours[m % 10], _MARKERS[m % len(_MARKERS)]
         ax.errorbar(
             *(x[order], error[order]), bars[:, order], color=colour, lw=1.3, capsize=2, alpha=0.85
@@ -47,9 +48,14 @@ def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
         ax.plot(x[hollow], error[hollow], marker, color=colour, mfc="white", ms=6)
         ax.plot([], [], marker=marker, color=colour, label=str(name))
     _draw_lines(result, ax)
+    if np.any(data["is_limited"].values | data["is_noisy"].values):
+        text = "hollow: uneven times, or below that noise"
+        ax.plot([], [], "o", color="0.35", mfc="white", ms=6, label=text)
     ax.set_xscale("log")
     ax.set_yscale("log")
     _widen(ax)
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_major_formatter("{x:g}")
     clock = {"wall": "time of an image (s)", "cpu": "processor time of an image (s)"}
     ax.set_xlabel(clock[result.provenance["time"]] if has_times else "knob (times were too noisy)")
     ax.set_ylabel("root mean square error (% of the mean)")
