@@ -163,6 +163,34 @@ def test_an_edge_is_found_beside_other_things():
     assert step[0] == pytest.approx(-math.tan(math.radians(7.0)) * step[1], abs=1e-3)
 
 
+def test_a_side_of_a_slanted_square_is_measured_without_its_corners():
+    from scipy.special import erf
+
+    y, x = np.mgrid[:140, :140] - 70.0
+    angle = math.radians(6.0)
+    across, along = (
+        x * math.cos(angle) + y * math.sin(angle),
+        y * math.cos(angle) - x * math.sin(angle),
+    )
+    sides = [erf((u + 40.0) / 1.4) - erf((u - 40.0) / 1.4) for u in (across, along)]
+    found = slanted_edge_mtf(0.25 * sides[0] * sides[1], pitch_deg=1.0, pixel="keep")
+    wanted = gaussian(1.4 / math.sqrt(2.0))(found.frequency_cpd)
+    np.testing.assert_allclose(found.photopic_mtf, wanted, atol=1e-4)
+    assert 40 < found.edge.rows < 80
+
+
+def test_a_wide_blur_in_noise_is_followed_over_all_rows():
+    """Half of the rows are steepest somewhere else than at the edge."""
+    image, mtf = edge_image("gaussian", 6.0, 7.0, (96, 96))
+    noisy = image + np.random.default_rng(4).normal(0.0, 0.05, image.shape)
+    found = slanted_edge_mtf(noisy, pitch_deg=1.0)
+    assert found.edge.rows == 96
+    assert found.edge.position[0] == pytest.approx(47.775, abs=0.3)
+    low = found.frequency_cpd < 0.05
+    error = 4.0 * found.photopic_standard_error[low] + 1e-3
+    assert np.all(np.abs(found.photopic_mtf[low] - mtf(found.frequency_cpd[low])) < error)
+
+
 def retinal_edge(grid, angle_deg=5.0, wavelengths=(500.0, 600.0), sigmas=(1.0, 2.0)):
     columns, rows = grid.resolution
     images = [edge_image("gaussian", s, angle_deg, (rows, columns))[0] for s in sigmas]
