@@ -1,7 +1,7 @@
 """How far an image is from the truth, and what it cost."""
 
 from isetcl.retina.depth_edges import occlusion_strip
-from isetcl.validation import stats
+from isetcl.validation import stability, stats
 from isetcl.validation.comparison import Comparison, Trial, compare
 from isetcl.validation.occlusion import (
     OcclusionError,
@@ -32,6 +32,7 @@ __all__ = [
     "occlusion_error",
     "occlusion_strip",
     "slanted_edge_mtf",
+    "stability",
     "stats",
     "work_precision",
 ]
