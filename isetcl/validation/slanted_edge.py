@@ -15,6 +15,8 @@ from isetcl.validation.slanted_edge_result import Edge, PixelChoice, SlantedEdge
 from isetcl.validation.slanted_edge_source import EdgeSource, check_not_clipped, source_of
 from isetcl.validation.slanted_edge_spread import EdgeFit, fit_edge
 
+__all__ = ["Edge", "SlantedEdgeMtf", "slanted_edge_mtf"]
+
 NYQUIST = 0.5
 """Highest frequency of the pixels, cycles per pixel."""
 
