@@ -131,8 +131,8 @@ class Table:
 
     def _cell(self, words: str) -> str:
         good, bad = self.verdicts
-        kind = "good" if words in good else "bad" if words in bad else ""
-        return f"<td{f' class={kind}' if kind else ''}>{html.escape(words)}</td>"
+        kind = ' class="good"' if words in good else ' class="bad"' if words in bad else ""
+        return f"<td{kind}>{html.escape(words)}</td>"
 
 
 Block = Text | Listing | Picture | Table
