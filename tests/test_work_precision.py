@@ -252,7 +252,9 @@ def test_building_is_not_part_of_the_time():
             self.clock.now += 0.0 if self.calls else 2.0
             return super().__call__(knob, seed)
 
-    data = study({"built": Built()}, knobs=(16, 64)).dataset
+    result = study({"built": Built()}, knobs=(16, 64))
+    assert "first image 2.02 s, 2 s of it to build" in result.table()
+    data = result.dataset
     assert data["first_s"].values == pytest.approx([2.016, 0.064])
     assert data["build_s"].values == pytest.approx([2.0, 0.0], abs=1e-9)
     assert data["time_s"].values == pytest.approx([0.016, 0.064])
