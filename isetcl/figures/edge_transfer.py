@@ -1,4 +1,4 @@
-"""MTFs as the paper measures them: a rendered slanted edge, at the best focus, in photopic light."""
+"""MTFs as the paper measures them: a rendered slanted edge in photopic light, at best focus."""
 
 from __future__ import annotations
 
@@ -82,9 +82,8 @@ def edge_mtf(
         eye,
         fov_deg=pixels / (2.0 * highest_cpd(quality)),
         resolution=pixels,
-        spp=quality.pick(16, 64),
         diffraction=diffraction,
-        **options,
+        **({"spp": quality.pick(16, 128)} | options),
     )
     return slanted_edge_mtf(image, weights=weights, eye=eye)
 
