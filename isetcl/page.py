@@ -21,7 +21,7 @@ figcaption, caption { color: #555; font-size: 0.92em; text-align: left; }
 table { border-collapse: collapse; } th, td { padding: 0.3em 0.9em; text-align: right;
   border-bottom: 1px solid #ddd; vertical-align: top; }
 th:first-child, td:first-child { text-align: left; }
-table.words th, table.words td { text-align: left; }
+table.words { width: 100%; } table.words th, table.words td { text-align: left; }
 th { font-weight: 600; } th button { all: unset; cursor: pointer; }
 th button:focus-visible { outline: 2px solid #36c; }
 th[aria-sort=ascending] button::after { content: " \\25B2"; }

@@ -299,7 +299,8 @@ def _occlusion(is_draft: bool, device: str | None) -> Part:
         "Errors in the strip of half-width a |D1 - D2| beside a depth edge and outside it, by "
         "method, and mean profiles across the edge."
     )
-    blocks: list[Block] = [Picture(png_of(study.plot()), caption), Listing(study.table())]
+    rows = study.rows()
+    blocks: list[Block] = [Picture(png_of(study.plot()), caption), Table(rows[0], rows[1:])]
     # The sum of layers adds hidden light within the strip, and nothing beyond it.
     summed = data.sel(kind="layered_sum")
     ratio = float((summed["strip_rms"] / summed["outside_rms"]).min())
@@ -333,14 +334,16 @@ def _work_precision(is_draft: bool, device: str | None) -> Part:
     figure, ax = plt.subplots(figsize=(8.0, 5.0), layout="constrained")
     found.plot(ax)
     picture = Picture(png_of(figure), caption)
-    return Part([picture, Listing(found.table())], (), found.record())
+    rows = found.rows()
+    words: list[Block] = [Text(line) for line in (*found.summary(), *found.notes)]
+    return Part([picture, Table(rows[0], rows[1:]), *words], (), found.record())
 
 
 def _figures(is_draft: bool, device: str | None) -> Part:
     """The paper's figures."""
     import tempfile
 
-    from isetcl import figures
+    from isetcl.figures import FIGURES, Quality
 
     blocks: list[Block] = []
     failures: list[str] = []
@@ -348,8 +351,8 @@ def _figures(is_draft: bool, device: str | None) -> Part:
     head = ("quantity", "isetcl", "paper", "source", "verdict", "reason")
     verdicts = (["agrees"], ["differs"])
     with tempfile.TemporaryDirectory() as folder:
-        for number in figures.numbers():
-            found = figures.draw(number, Path(folder), is_draft=is_draft, device=device)
+        for number, figure in FIGURES.items():
+            found = figure.draw(Path(folder), Quality(is_draft, device))
             rows = [
                 (r.quantity, r.isetcl, r.paper, r.source, r.verdict, r.reason) for r in found.rows
             ]

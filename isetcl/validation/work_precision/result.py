@@ -104,6 +104,10 @@ class WorkPrecision:
 
     def table(self) -> str:
         """All points as text, percent of the mean; ``~`` marks times that differed too much."""
+        return "\n".join([_aligned(self.rows()), "", *self.summary(), *self.notes])
+
+    def rows(self) -> list[list[str]]:
+        """The table's cells, the names of the columns first."""
         data = self.dataset
         head = ["method", "knob", *(f"{title} ({unit})" for _, title, unit in _TABLE)]
         rows = [head]
@@ -122,9 +126,9 @@ class WorkPrecision:
                     text = f"~{text}"
                 row.append(text)
             rows.append(row)
-        return "\n".join([_aligned(rows), "", *self._summary(), *self.notes])
+        return rows
 
-    def _summary(self) -> list[str]:
+    def summary(self) -> list[str]:
         """Slopes and times to targets, a line for each method."""
         data = self.dataset
         lines = []
