@@ -218,7 +218,7 @@ def test_an_even_density_gives_area_times_density_cones():
 def test_half_of_the_cones_are_six_sided_as_measured(parafovea):
     # Lombardo et al. 2013: 40 to 50 % at 0.2 to 1.05 mm; cones missed in images lower it.
     quality = parafovea.quality(bands=2)
-    assert 0.45 < quality.six_neighbour_fraction < 0.58
+    assert 0.44 < quality.six_neighbour_fraction < 0.56
     assert np.max(np.abs(quality.density_error)) < 0.02
 
 
@@ -266,10 +266,11 @@ def test_s_cones_are_more_regular_than_chance(kernels):
     assert is_s.sum() == 360
     nearest = cKDTree(places[is_s]).query(places[is_s], k=2)[0][:, 1]
     least = 0.68 * size[0] / np.sqrt(0.1)
-    # Where a band lacks places for all, S cones come nearer by steps of 7 %.
-    assert nearest.min() >= 0.93 * least * (1 - 1e-6)
+    # Cones have their own distances, from a half of it up; where a band lacks places for all, S
+    # cones come nearer by a step of 7 %.
+    assert nearest.min() >= 0.93 * 0.5 * least * (1 - 1e-6)
     # By chance the mean over the standard deviation is 1.91 (exponential areas).
-    assert nearest.mean() / nearest.std() > 3.5
+    assert nearest.mean() / nearest.std() > 3.0
 
 
 def test_s_cones_follow_a_share_that_depends_on_eccentricity():
@@ -307,6 +308,42 @@ def test_spacing_is_that_of_the_density(parafovea):
     np.testing.assert_allclose(parafovea.aperture_um, 0.79 * parafovea.spacing_um)
 
 
+def test_the_scale_of_an_eye_sets_the_number_of_cones():
+    # An even density per mm^2 of retina: as many more as the eye's square degree is larger.
+    even = {"density": lambda x, y: 1e5 + 0.0 * x}
+    eye = ic.eyes.navarro(3.0)
+    found = ic.cones.estimate_mosaic(0.2, scale=eye, **even).n_cones
+    assert found == pytest.approx(
+        1e5 * (0.2 * eye.field_map().axial_scale_mm_per_deg()) ** 2, abs=1.0
+    )
+    assert len(ic.cones.mosaic(0.2, scale=eye, **even)) == pytest.approx(found, rel=0.02)
+
+
+def test_rods_fill_the_room_between_cones():
+    from scipy.spatial import cKDTree
+
+    mixed = ic.cones.mosaic(0.5, (10.0, 0.0), rods=lambda x, y: 1e5 + 0.0 * x)
+    alone = ic.cones.mosaic(0.5, (10.0, 0.0))
+    is_rod = mixed.types == ReceptorType.ROD
+    np.testing.assert_array_equal(mixed.positions_deg[~is_rod], alone.positions_deg)
+    area = 0.25 * float(SCALE.mm2_per_deg2(np.array(10.0)))
+    assert np.sum(is_rod) == pytest.approx(1e5 * area, rel=0.05)
+    cones, rods = mixed.positions_mm[~is_rod], mixed.positions_mm[is_rod]
+    # Inner segments at 9.92 deg are 1.58 / 2.25 of the cones' spacing (Banks 1991); Curcio has
+    # 12587 and 8976 cones per mm^2 at 2 and 3 mm, 10038 at 2.706 mm.
+    least = 0.5 * 1.58 / 2.25 * np.sqrt(2.0 / np.sqrt(3.0) / 10038.0)
+    assert cKDTree(cones).query(rods)[0].min() > 0.97 * least
+    assert np.all(mixed.aperture_um[is_rod] < 3.0)
+
+
+def test_there_are_no_rods_where_none_are_wanted():
+    mixed = ic.cones.mosaic(0.4, (0.7, 0.0), rods=lambda x, y: np.where(x > 0.7, 2e4, 0.0))
+    is_rod = mixed.types == ReceptorType.ROD
+    assert np.sum(is_rod) > 50
+    # Rods give way to cones by less than their own spacing, 7 um or 0.03 deg.
+    assert mixed.positions_deg[is_rod, 0].min() > 0.7 - 0.03
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("axis", ["horizontal", "vertical"])
 def test_density_along_the_meridians_is_within_three_percent_of_curcio(axis):
@@ -319,8 +356,8 @@ def test_density_along_the_meridians_is_within_three_percent_of_curcio(axis):
     curcio = ConeDensity.of("curcio1990", "right", SCALE)
     for meridian in meridians:
         density, counted = meridian_density(strip, meridian, ecc)
-        # Curcio's over the same 300 cones: near the fovea they span a range of densities.
-        wanted = [np.mean(curcio.per_mm2(strip.positions_mm[c])) for c in counted]
+        # Curcio's over the area of the same 300 cones, which near the fovea span many densities.
+        wanted = [1.0 / np.mean(1.0 / curcio.per_mm2(strip.positions_mm[c])) for c in counted]
         assert np.max(np.abs(density / wanted - 1.0)) < 0.03
 
 
@@ -350,7 +387,8 @@ def test_density_along_the_meridians_is_within_three_percent_of_curcio(axis):
         ({"ratios": (1.2, -0.3, 0.1)}, r"ratios \(L\) must lie between 0 and 1"),
         ({"ratios": (0.0, 0.0, 1.0)}, "ratios has neither"),
         ({"s_fraction": lambda e: 1.0 + e}, "s_fraction must return values between 0 and 1"),
-        ({"disorder": 0.9}, "disorder must lie between 0 and 0.4"),
+        ({"rods": lambda x, y: x - 1.0}, "got -.* from function rods <lambda>"),
+        ({"disorder": 0.9}, "disorder must lie between 0 and 0.3"),
         ({"seed": -1}, "seed must be >= 0"),
         ({"eye": "third"}, "unknown eye 'third'"),
     ],

@@ -6,8 +6,8 @@ from scipy.special import erf
 
 import isetcl as ic
 from isetcl.cones import ConeMosaic, Observer
-from isetcl.cones.pigments import macular_fraction, standard_lens_density
 from isetcl.errors import FileError, InvalidInputError
+from isetcl.eye.people.macular_pigment import macular_fraction, standard_lens_density
 from isetcl.spectrum import luminous_efficiency
 
 pytestmark = pytest.mark.filterwarnings("ignore:pixels are up to")

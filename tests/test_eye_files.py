@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from zmx_files import ISET3D, NAVARRO, TILTED, as_opticstudio_writes
+from zmx_files import ISET3D, NAVARRO, SINGLET, TILTED, as_opticstudio_writes
 
 import isetcl as ic
 from isetcl.eye.sequential import trace
@@ -209,6 +209,32 @@ def test_what_opticstudio_writes_besides_changes_nothing(tmp_path, encoding):
     assert "\r\n  SCBD" in text
     got = ic.load_eye(written(tmp_path, text, encoding=encoding))
     assert got == ic.load_eye(written(tmp_path, NAVARRO))
+
+
+def test_a_lens_of_zemax_gives_opticstudio_s_own_numbers(tmp_path):
+    # Cardinal points, a ray at (1, 1) mm and the Zernike coefficients of OpticStudio 25.1.1, as the
+    # tests of ZOSPy 2.2.0 (github.com/MREYE-LUMC/ZOSPy) record them.
+    file = written(tmp_path, SINGLET)
+    lens = ic.load_eye(file)
+    points = lens.cardinal_points(543.0)
+    assert points.focal_length_back_mm == pytest.approx(20.168067, abs=5e-7)
+    assert points.focal_point_back_mm == pytest.approx(1.0 + 19.831933, abs=5e-7)
+    assert points.principal_point_front_mm == pytest.approx(0.336134, abs=5e-7)
+    wide = ic.load_eye(file, pupil_diameter_mm=3.0)
+    start, along = np.array([[1.0, 1.0, -3.0]]), np.array([[0.0, 0.0, 1.0]])
+    ray = trace(wide, start, along, 543.0, record_hits=True)
+    expected = [
+        (1.0, 1.0, 0.05006265674),
+        (0.98494782874, 0.98494782874, 0.95143492457),
+        (-0.0061213962872, -0.0061213962872, 20.792),
+    ]
+    np.testing.assert_allclose(ray.hits_mm[1:, 0], expected, rtol=0, atol=1e-11)
+    leaving = [(-0.04982749, -0.04982749, 0.9975141315)]
+    np.testing.assert_allclose(ray.directions, leaving, rtol=0, atol=1e-10)
+    waves = lens.wavefront(0.0, 543.0).zernike(order=8).in_order("noll") / 0.543
+    expected = {1: -0.01473686, 4: 0.00031809, 11: 0.00684048, 22: 3.01e-6}
+    for j in range(1, 38):
+        assert waves[j - 1] == pytest.approx(expected.get(j, 0.0), abs=1.5e-8), j
 
 
 def test_comments_of_an_older_encoding_are_read(tmp_path):

@@ -4,14 +4,15 @@ import colour
 import numpy as np
 import pytest
 
+from isetcl.cones.nomogram import govardovskii_absorbance
 from isetcl.cones.observer import Observer
-from isetcl.cones.pigments import absorbance, macular_fraction
-from isetcl.cones.templates import (
-    govardovskii_absorbance,
+from isetcl.cones.pigments import absorbance
+from isetcl.errors import InvalidInputError
+from isetcl.eye.people.macular_pigment import macular_fraction
+from isetcl.eye.people.stockman_rider import (
     template_lens_density,
     template_macular_density,
 )
-from isetcl.errors import InvalidInputError
 from isetcl.spectrum import luminous_efficiency
 
 WAVES = np.arange(400.0, 701.0)

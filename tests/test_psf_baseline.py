@@ -547,3 +547,47 @@ def test_a_repeated_picture_is_filtered_by_its_repeats():
     )
     ratio = fine.irradiance.values / plain.irradiance.values
     assert ratio == pytest.approx(np.full_like(ratio, 0.5), abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "bad"),
+    [
+        ("vergence_dpt", np.nan),
+        ("vergence_dpt", -1.0),
+        ("vergence_dpt", np.inf),
+        ("radiance", np.nan),
+        ("radiance", np.inf),
+    ],
+)
+def test_pinhole_views_with_impossible_values_are_refused(name, bad):
+    eye = ic.eyes.navarro(4.0)
+    where = {"fov_deg": 1.0, "resolution": 4, "wavelengths_nm": [550.0]}
+    data = ic.pinhole(ic.scenes.uniform(), eye, **where).dataset.copy(deep=True)
+    data[name].values[..., 2, 3] = bad
+    with pytest.raises(ic.InvalidInputError, match="finite radiances and vergences >= 0"):
+        ic.psf_baseline.render(ic.PinholeView(data), eye)
+
+
+LARGE = """
+import resource
+import numpy as np, isetcl as ic
+n = 1024
+y, x = np.mgrid[0:n, 0:n] / n
+image = ic.psf_baseline.DepthImage(
+    0.5 + 0.4 * np.sin(90.0 * x) * np.sin(70.0 * y), 1.5 * (x + y), n / 60.0, depth_unit="dpt"
+)
+made = ic.psf_baseline.render(
+    image, ic.eyes.navarro(4.0, 1.0), method="layered_over", psf="disc", layers=41,
+    wavelengths_nm=[550.0], psf_cache=None,
+)
+assert made.irradiance.shape == (1, n, n)
+assert len(made.provenance["layers_dpt"]) == 41
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="ru_maxrss is in KiB on Linux alone")
+def test_a_million_pixels_in_41_layers_fit_into_four_gigabytes():
+    done = subprocess.run([sys.executable, "-c", LARGE], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 4.0

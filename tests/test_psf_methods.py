@@ -1,6 +1,7 @@
 """PSF methods M0 to M10 against closed forms, the integral they approximate, and ray tracing."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -28,9 +29,13 @@ def test_all_methods_of_the_survey_are_there():
         assert method.failure
         # Each says what it computes and what it does wrong.
         assert method.combine.__doc__.startswith(method.id + ":")
+        text = " ".join(method.combine.__doc__.split())
         if method.name not in ("layered_sum", "layered_over"):
-            text = " ".join(method.combine.__doc__.split())
             assert "Known failure" in text
+        # And what becomes of light and of even scenes.
+        assert re.search(r"even scene|even$|[Cc]onserves", text)
+        assert "light" in text.lower()
+        assert method.keeps_uniform == bool(re.search("even scene stays even(?! to)", text))
 
 
 @pytest.mark.parametrize(

@@ -64,6 +64,7 @@ WHERE = {
 }
 
 
+@pytest.mark.slow
 def test_random_samples_make_the_same_image_and_more_noise():
     scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
     sobol, few, many = (

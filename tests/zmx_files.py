@@ -125,6 +125,34 @@ def as_opticstudio_writes() -> str:
     return "\r\n".join([*head, *body, *_TAIL.splitlines(), ""])
 
 
+# A lens of n = 1.5 behind its stop, whose reports by OpticStudio 25.1.1 are public.
+SINGLET = """\
+MODE SEQ
+UNIT MM X W X CM MR CPMM
+FLOA
+WAVM 1 0.543 1
+PWAV 1
+SURF 0
+  DISZ INFINITY
+SURF 1
+  STOP
+  CURV 0.0
+  DISZ 0
+  DIAM 1 1 0 0 1 ""
+SURF 2
+  CURV 0.05
+  DISZ 1
+  GLAS ___BLANK 1 0 1.5 0 0 0 0 0 0 0
+  DIAM 1 0 0 0 1 ""
+SURF 3
+  CURV -0.05
+  DISZ 19.792
+  DIAM 0.98413862980615852 0 0 0 1 ""
+SURF 4
+  CURV 0.0
+  DISZ 0
+"""
+
 # An eye with every kind of surface: an aspheric cornea whose back carries Zernike polynomials, a
 # decentred and tilted lens with a biconic front, and a break that undoes the first.
 TILTED = """\

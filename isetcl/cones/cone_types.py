@@ -21,7 +21,14 @@ are then as irregular as random packings are. With 0.68 there are a fifth more p
 so that the wanted number is met everywhere.
 """
 
-_CONES_OF_A_BAND = 400
+NEAREST = 0.5
+"""The least of the cones' own distances over the greatest; they are spread evenly between.
+
+S cones of one distance lie nearly as regular as cones do (nearest-neighbour regularity 7.6); with
+distances from a half of it up they are semi-regular (4.2), between that and chance (1.9).
+"""
+
+_CONES_OF_A_BAND = 150
 _MOST_TRIES = 40
 
 
@@ -126,7 +133,8 @@ def choose_s(
     # Whole numbers of S cones in every band; what is left over goes to the next.
     total = np.cumsum(np.bincount(band, weights=share[able]))
     wanted = np.diff(np.rint(total), prepend=0.0)
-    distance = APART * spacing_mm[able] / np.sqrt(share[able])
+    farthest = APART * spacing_mm[able] / np.sqrt(share[able])
+    distance = farthest * random.uniform(NEAREST, 1.0, len(able))
     for _ in range(_MOST_TRIES):
         chosen = kernels.choose_apart(places_mm[able], rank, distance)
         found = np.bincount(band[chosen], minlength=len(wanted))

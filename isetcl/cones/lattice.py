@@ -17,8 +17,8 @@ import numpy as np
 from isetcl.cones.density import ConeDensity
 from isetcl.device.lattice import LatticeKernels
 
-_ROUNDS = 12
-_STEPS = 6
+ROUNDS = 12
+STEPS = 6
 _NOISE = 0.5  # spacings
 _FULL_NOISE_FROM = 0.1  # disorder
 _RADII = 2048
@@ -158,8 +158,8 @@ def relaxed(
         places_mm + noise,
         lambda places: factor * _spacing(per_mm2(places)),
         is_fixed,
-        rounds=_ROUNDS,
-        steps=_STEPS,
+        rounds=ROUNDS,
+        steps=STEPS,
     )
 
 

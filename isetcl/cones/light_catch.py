@@ -9,9 +9,9 @@ import numpy as np
 
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.observer import Observer
-from isetcl.cones.pigments import macular_fraction
 from isetcl.cones.receptors import ReceptorType, outer_segment_um
 from isetcl.errors import InvalidInputError
+from isetcl.eye.people.macular_pigment import macular_fraction
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import bin_widths
 from isetcl.units import NM_PER_M, PLANCK_J_S, SPEED_OF_LIGHT_M_S
@@ -129,11 +129,12 @@ class LightCatch:
         if count:
             left, right, bottom, top = self._image.extent_deg
             (x_low, y_low), (x_high, y_high) = self._mosaic.extent_deg
+            moves = np.abs(gaze_deg).max()
             raise InvalidInputError(
                 f"{count} of {len(self._mosaic)} receptors look beyond the image, which spans "
                 f"x {left:.4g} to {right:.4g} and y {bottom:.4g} to {top:.4g} deg; the mosaic "
-                f"spans x {x_low:.4g} to {x_high:.4g} and y {y_low:.4g} to {y_high:.4g} deg and the "
-                f"gaze moves by up to {np.abs(gaze_deg).max():.3g} deg; render a larger fov_deg or use "
+                f"spans x {x_low:.4g} to {x_high:.4g} and y {y_low:.4g} to {y_high:.4g} deg, and "
+                f"the gaze moves by up to {moves:.3g} deg; render a larger fov_deg or use "
                 "mosaic.within"
             )
 

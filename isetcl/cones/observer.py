@@ -8,20 +8,18 @@ from typing import Any, Literal
 
 import numpy as np
 
-from isetcl.cones.pigments import (
-    CONE_PEAK_NM,
+from isetcl.cones.pigments import CONE_PEAK_NM, absorbance, field_size_densities
+from isetcl.errors import InvalidInputError, check_between, check_choice, check_finite
+from isetcl.eye.people.macular_pigment import (
     MACULAR_PEAK_DENSITY,
     PIGMENT_MODELS,
     PigmentModel,
-    absorbance,
     check_pigment_range,
-    field_size_densities,
     macular_density,
     standard_lens_density,
 )
-from isetcl.cones.templates import template_lens_density
-from isetcl.errors import InvalidInputError, check_between, check_choice, check_finite
 from isetcl.eye.people.ocular_media import ocular_density
+from isetcl.eye.people.stockman_rider import template_lens_density
 from isetcl.spectrum import check_wavelengths
 
 FOVEAL_DENSITIES = (0.5, 0.5, 0.4)

@@ -1,1 +1,10 @@
-"""The retinal image and the grid it lives on."""
+"""The retinal image, the grid it lives on, and what stands before the receptors."""
+
+from isetcl.retina.transmittance import (
+    MacularPigment,
+    Transmittance,
+    macular_pigment,
+    transmittance,
+)
+
+__all__ = ["MacularPigment", "Transmittance", "macular_pigment", "transmittance"]

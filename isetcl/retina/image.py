@@ -11,6 +11,7 @@ import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
 from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.transmittance import Transmittance
 from isetcl.spectrum import photopic_weights
 
 if TYPE_CHECKING:
@@ -228,6 +229,72 @@ class RetinalImage:
         details = self.provenance | {"scaled_to_mean_illuminance_lux": float(lux)}
         scaled.attrs["provenance"] = json.dumps(details)
         return RetinalImage(scaled)
+
+    @property
+    def steps(self) -> tuple[Transmittance, ...]:
+        """What the light came through before the receptors, in the order it was put there."""
+        details = self.provenance
+        records = details.get("steps", [])
+        if details.get("media") is not None:
+            records = [{"label": "media", "kind": "ocular_media", **details["media"]}, *records]
+        return tuple(Transmittance.from_dict(record) for record in records)
+
+    def through(self, step: Transmittance) -> RetinalImage:
+        """The image behind a medium, such as `isetcl.retina.transmittance` or `macular_pigment`.
+
+        The step is written into the provenance, and `without` undoes it. Standard errors follow
+        the light; that of the illuminance as the illuminance does.
+
+        Raises
+        ------
+        InvalidInputError
+            If the image has a step of that label already, or a wavelength lies outside the model.
+        """
+        check_type("step", step, Transmittance)
+        if step.label in [each.label for each in self.steps]:
+            raise InvalidInputError(
+                f"the image has come through {step.label!r} already; take "
+                f"image.without({step.label!r}) first"
+            )
+        steps = [*self.provenance.get("steps", []), step.describe()]
+        return self._dimmed(self._share(step), {"steps": steps})
+
+    def without(self, label: str) -> RetinalImage:
+        """The image before the step of a label; ``"media"`` are those of `render` as well.
+
+        Raises
+        ------
+        InvalidInputError
+            If the image has no such step.
+        """
+        names = [each.label for each in self.steps]
+        if label not in names:
+            raise InvalidInputError(f"the image has no step {label!r}; it has {names or 'none'}")
+        details = self.provenance
+        left = [each for each in details.get("steps", []) if each["label"] != label]
+        changes: dict[str, Any] = {"steps": left}
+        if len(left) == len(details.get("steps", [])):
+            changes["media"] = None
+        return self._dimmed(1.0 / self._share(self.steps[names.index(label)]), changes)
+
+    def _share(self, step: Transmittance) -> np.ndarray:
+        return step.at(self.wavelengths_nm, self.dataset["x"].values, self.dataset["y"].values)
+
+    def _dimmed(self, share: np.ndarray, changes: dict[str, Any]) -> RetinalImage:
+        """The image with its irradiance multiplied, and other words in its provenance."""
+        changed = self.dataset.copy()
+        before = self.brightness()[0]
+        for name in ("irradiance", "standard_error"):
+            values = (self.dataset[name].values * share).astype(self.dataset[name].dtype)
+            changed[name] = self.dataset[name].copy(data=values)
+        after = RetinalImage(changed).brightness()[0]
+        ratio = np.divide(after, before, out=np.ones_like(before), where=before > 0)
+        error = self.dataset["illuminance_standard_error"]
+        changed["illuminance_standard_error"] = error.copy(
+            data=(error.values * ratio).astype(error.dtype)
+        )
+        changed.attrs["provenance"] = json.dumps(self.provenance | changes)
+        return RetinalImage(changed)
 
     def to_srgb(self, white_lux: float | None = None, white_point: str = "D65") -> np.ndarray:
         """The image as sRGB for display, (rows, columns, 3), uint8.

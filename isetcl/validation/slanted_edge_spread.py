@@ -28,7 +28,9 @@ _FLAT_SHARE = 0.5
 _FINE = 4
 _LINE_ROUNDS = 6
 _SETTLED_PX = 1e-5
+_SIDE = (0.55, 0.98)
 _BAND = 3
+_PENALTY = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +51,8 @@ class EdgeFit:
         Cubic B-splines at the distances.
     knots : ndarray
         Knots of the spline, pixels.
+    factor : ndarray, (4, m)
+        Cholesky factor of B^T B (nearly; see `_factor`), in bands.
     """
 
     line: EdgeLine
@@ -57,6 +61,7 @@ class EdgeFit:
     knots_per_pixel: int
     basis: Any
     knots: np.ndarray
+    factor: np.ndarray
 
     @property
     def reach(self) -> float:
@@ -65,20 +70,20 @@ class EdgeFit:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """(B^T B)^-1 times vectors (m, k)."""
-        from scipy.linalg import solveh_banded
+        from scipy.linalg import cho_solve_banded
 
-        normal = (self.basis.T @ self.basis).todia()
-        bands = np.stack([np.pad(normal.diagonal(i), (i, 0)) for i in range(_BAND, -1, -1)])
-        try:
-            return np.asarray(solveh_banded(bands, right))
-        except np.linalg.LinAlgError:
-            raise InvalidInputError(_empty_message(self.line)) from None
+        return np.asarray(cho_solve_banded((self.factor, False), right))
 
     def spline(self, values: np.ndarray) -> Any:
         """The edge spread function of pixel values (n,) as a scipy spline of the distance."""
         from scipy.interpolate import BSpline
 
         return BSpline(self.knots, self.solve(self.basis.T @ values), _BAND)
+
+    def sides(self, spread: Any) -> tuple[float, float]:
+        """Brightness of the left and the right side: means of a spline over the outer parts."""
+        away = np.linspace(_SIDE[0], _SIDE[1], 64) * self.reach
+        return float(np.mean(spread(-away))), float(np.mean(spread(away)))
 
     def transfer_map(self, frequency: np.ndarray) -> np.ndarray:
         """What turns B^T values into the transform of the windowed line spread, (k, m), complex.
@@ -142,7 +147,25 @@ def _fit(image: np.ndarray, line: EdgeLine) -> EdgeFit:
         raise InvalidInputError(_empty_message(line))
     knots = np.arange(-reach * per_pixel - _BAND, reach * per_pixel + _BAND + 1) / per_pixel
     basis = BSpline.design_matrix(used, knots, _BAND)
-    return EdgeFit(line, (pixels[0], pixels[1]), used, per_pixel, basis, knots)
+    return EdgeFit(line, (pixels[0], pixels[1]), used, per_pixel, basis, knots, _factor(basis))
+
+
+def _factor(basis: Any) -> np.ndarray:
+    """The Cholesky factor of B^T B + p D^T D in bands, (4, m); D are third differences.
+
+    Where the distances repeat, there may be fewer of them than splines: the penalty keeps what they
+    leave open smooth, and takes less than 1e-5 of any frequency of the pixels.
+    """
+    from scipy.linalg import cholesky_banded
+    from scipy.sparse import diags_array
+
+    count = basis.shape[1]
+    normal = (basis.T @ basis).todia()
+    third = diags_array([-1.0, 3.0, -3.0, 1.0], offsets=[0, 1, 2, 3], shape=(count - _BAND, count))
+    weight = _PENALTY * float(np.median(normal.diagonal()))
+    whole = normal + weight * (third.T @ third).todia()
+    bands = np.stack([np.pad(whole.diagonal(i), (i, 0)) for i in range(_BAND, -1, -1)])
+    return np.asarray(cholesky_banded(bands))
 
 
 def _line_step(image: np.ndarray, found: EdgeFit, is_curved: bool) -> np.ndarray:
@@ -158,11 +181,11 @@ def _line_step(image: np.ndarray, found: EdgeFit, is_curved: bool) -> np.ndarray
     design = -slope[:, None] * line.cosine * terms
     design = design - np.asarray(found.basis @ found.solve(found.basis.T @ design))
     step = np.linalg.lstsq(design, left, rcond=None)[0]
-    place = np.linspace(-found.reach, found.reach, 8 * int(found.reach) + 1)[1:-1]
-    height = spread.derivative()(place) * np.sign(spread(place[-1]) - spread(place[0]))
-    near = np.where(np.abs(place) < 0.5 * found.reach, np.maximum(height, 0.0), 0.0)
-    strong = np.where(near > 0.2 * near.max(), near, 0.0)
-    shift = float(np.sum(strong * place) / np.sum(strong)) / line.cosine
+    # Where a sharp step would leave the same light on the left: the centroid of the line spread.
+    low, high = found.sides(spread)
+    end = _SIDE[1] * found.reach
+    light = float(spread.integrate(-end, end)) - low * 2.0 * end
+    shift = (end - light / (high - low)) / line.cosine
     return np.array([shift, step[0], step[1] if is_curved else 0.0])
 
 

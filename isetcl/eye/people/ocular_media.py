@@ -1,6 +1,6 @@
 """Light lost on its way to the retina: transmittance of the ocular media by age and wavelength.
 
-Three published families. The total media of van de Kraats and van Norren (CIE 203:2012 is their
+Published families. The total media of van de Kraats and van Norren (CIE 203:2012 is their
 formula with other constants) hold scatter, the cornea and a neutral part, and cover the near
 ultraviolet. The lens densities of Pokorny, Smith and Lutze and of CIE 170-1:2006 are relative: zero
 at long wavelengths. None holds macular pigment.
@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_between, check_choice, check_type
+from isetcl.eye.people.stockman_rider import template_lens_density
 from isetcl.spectrum import check_wavelengths
 
 MediaModel = Literal[
@@ -23,6 +24,7 @@ MediaModel = Literal[
     "van_de_kraats_large_field",
     "pokorny_1987",
     "cie_170",
+    "stockman_rider_2023",
 ]
 
 # Pokorny, Smith & Lutze 1987, Appl Opt 26:1437: every 10 nm from 400 nm.
@@ -82,6 +84,12 @@ def _two_parts(
     return density
 
 
+def _template(age: float, nm: np.ndarray) -> np.ndarray:
+    """The template's density as a whole, scaled by the growth at 400 nm of Pokorny et al.'s law."""
+    at_400 = [_MODELS["cie_170"].density(each, np.array([400.0]))[0] for each in (age, 32.0)]
+    return template_lens_density(nm) * float(at_400[0] / at_400[1])
+
+
 @dataclass(frozen=True)
 class _Published:
     """A model with the ages (years) and wavelengths (nm) it was published for."""
@@ -105,6 +113,7 @@ _MODELS = {
     "cie_170": _Published(
         _two_parts(_CIE_170_STEP_NM, _CIE_170_AGING, _CIE_170_STABLE), (20.0, 80.0), (400.0, 830.0)
     ),
+    "stockman_rider_2023": _Published(_template, (20.0, 80.0), (360.0, 850.0)),
 }
 
 
@@ -127,6 +136,9 @@ def ocular_density(
         Am A 24:1842; scattered light is lost to a small field, but not to a large one.
         ``"pokorny_1987"``: lens, Pokorny, Smith & Lutze 1987, Appl Opt 26:1437, small pupil.
         ``"cie_170"``: lens, CIE 170-1:2006. Both lenses are linear between tabulated values.
+        ``"stockman_rider_2023"``: lens, Fourier template of Stockman & Rider 2023, Color Res Appl
+        48:818, for 32 years; with age it grows at every wavelength as the lens of CIE 170-1 does at
+        400 nm, as one factor on a template must.
 
     Raises
     ------

@@ -135,6 +135,12 @@ class WorkPrecision:
                 words.append(
                     f"error falls as knob^{slopes[0]:.2f} [{slopes[1]:.2f}, {slopes[2]:.2f}];"
                 )
+            own = self.of(str(name)).isel(point=0)
+            first, build = own["first_s"].item(), own["build_s"].item()
+            if math.isfinite(first):
+                words.append(f"first image {first:.3g} s, {build:.3g} s of it to build;")
+                moved = own["transfer_s"].item()
+                words += [f"copies {moved:.2g} s;"] if math.isfinite(moved) else []
             for k, target in enumerate(data["target"].values):
                 seconds = float(data["time_to_s"].values[m, k])
                 how = str(data["time_to_how"].values[m, k])

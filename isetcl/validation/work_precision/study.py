@@ -184,10 +184,11 @@ def work_precision(
     if trouble is None or allow_noise:
         said = notes if trouble is None else [*notes, trouble]
         return assemble.result(pieces, said, has_times=True)
+    other = ", take time='cpu'" if time == "wall" else ""
     withheld = assemble.result(pieces, [*notes, trouble], has_times=False)
     raise NoisyTimingError(
-        trouble + "; wait until nothing else runs, raise least_s, take time='cpu', or pass "
-        "allow_noise=True to have it marked",
+        f"{trouble}; wait until nothing else runs, raise least_s{other}, or pass allow_noise=True "
+        "to have it marked",
         withheld,
     )
 

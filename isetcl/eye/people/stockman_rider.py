@@ -1,4 +1,4 @@
-"""Absorbance of receptors by published formulas: Fourier templates of cones, and Govardovskii's.
+"""Fourier templates of the pigments of cones, of the macular pigment and of the lens.
 
 Stockman & Rider 2023, Color Res Appl 48:818, fit Fourier series to the log absorbance against log
 wavelength, so that a spectrum shifts with its peak without changing its shape. Coefficients: their
@@ -119,18 +119,3 @@ def template_lens_density(wavelengths_nm: np.ndarray) -> np.ndarray:
 
 def _within(nm: np.ndarray, limits: tuple[float, float], values: np.ndarray) -> np.ndarray:
     return np.where((nm >= limits[0]) & (nm <= limits[1]), np.maximum(values, 0.0), 0.0)
-
-
-def govardovskii_absorbance(peak_nm: float, wavelengths_nm: np.ndarray) -> np.ndarray:
-    """Absorbance of a vitamin A1 pigment by its peak wavelength, alpha and beta bands, peak 1.
-
-    Source: Govardovskii et al. 2000, Vis Neurosci 17:509, eqs. 1, 2, 4, 5a and 5b.
-    """
-    nm = np.asarray(wavelengths_nm, dtype=np.float64)
-    x = peak_nm / nm
-    a = 0.8795 + 0.0459 * np.exp(-((peak_nm - 300.0) ** 2) / 11940.0)
-    alpha = 1.0 / (
-        np.exp(69.7 * (a - x)) + np.exp(28.0 * (0.922 - x)) + np.exp(-14.9 * (1.104 - x)) + 0.674
-    )
-    middle, width = 189.0 + 0.315 * peak_nm, -40.5 + 0.195 * peak_nm
-    return np.asarray(alpha + 0.26 * np.exp(-(((nm - middle) / width) ** 2)))
