@@ -8,7 +8,7 @@ pixels of the object and its surroundings.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -28,12 +28,18 @@ if TYPE_CHECKING:
 SHARP_PUPIL_MM = 0.1
 _STEPS = 48
 SPOT_SOURCE = "spots on the axis, traced on the host (the paper prints no number)"
-_TOLERANCE = 0.15  # of the blur, beside a pixel: what is occluded, and depth within an object
+_TOLERANCE = 0.15  # of the blur: what is occluded, and depth within an object
+_PIXEL_TOLERANCE = 0.6  # of a pixel: blur that is not much larger cannot be told
 _SMALLEST_PIXELS = 0.3
 _MOST_GROWTH = 8
 _OTF_NODES = 200
 _OTF_RINGS = 20
-_OTF_WAVELENGTHS_NM = np.arange(430.0, 671.0, 40.0)
+_WAVELENGTHS_NM = np.arange(430.0, 671.0, 40.0)
+
+
+def brightness(image: RetinalImage) -> tuple[np.ndarray, np.ndarray]:
+    """Illuminance of every pixel and its standard error, lux, each (rows, columns)."""
+    return image.brightness()
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,34 +48,49 @@ class SharpView:
 
     Attributes
     ----------
-    illuminance_lux
-        (rows, columns).
+    signal
+        What is compared with the image, (rows, columns).
+    variance
+        Of its noise, (rows, columns).
     masks
         By name of the object, the pixels that show it, (rows, columns).
     pitch_arcmin
         Side of a pixel.
     """
 
-    illuminance_lux: np.ndarray
+    signal: np.ndarray
+    variance: np.ndarray
     masks: dict[str, np.ndarray]
     pitch_arcmin: float
 
 
-def sharp_view(quality: Quality, scene: Scene, eye: Eye, **options: Any) -> SharpView:
-    """The scene on the grid of the options of `render`, without blur."""
+def sharp_view(
+    quality: Quality,
+    scene: Scene,
+    eye: Eye,
+    signal: Callable[[RetinalImage], tuple[np.ndarray, np.ndarray]] = brightness,
+    **options: Any,
+) -> SharpView:
+    """The scene on the grid of the options of `render`, without blur.
+
+    `signal` makes one number a pixel of an image, and its standard error.
+    """
     image = quality.render(scene, eye.with_pupil(SHARP_PUPIL_MM), layers=True, **options)
     numbers = image.dataset["object"].values
     masks = {item.name: numbers == i for i, item in enumerate(scene.objects)}
     x = image.dataset["x"].values
     pitch = float(abs(x[1] - x[0])) * ARCMIN_PER_DEG
-    return SharpView(np.asarray(image.illuminance_lux.values, dtype=np.float64), masks, pitch)
+    value, error = signal(image)
+    return SharpView(value.astype(np.float64), error.astype(np.float64) ** 2, masks, pitch)
 
 
-def blur_arcmin(image: RetinalImage, sharp: SharpView, name: str, most_arcmin: float) -> float:
+def blur_arcmin(seen: np.ndarray, sharp: SharpView, name: str, most_arcmin: float) -> float:
     """Diameter of the disc that blurs an object of the sharp view as the image shows it, arcmin.
 
     Parameters
     ----------
+    seen
+        The image, (rows, columns), of the kind of the sharp view's signal.
     most_arcmin
         Largest diameter to look for.
 
@@ -79,12 +100,16 @@ def blur_arcmin(image: RetinalImage, sharp: SharpView, name: str, most_arcmin: f
         If no pixel shows the object.
     """
     place = _Place.of(sharp, name, most_arcmin)
-    seen = np.asarray(image.illuminance_lux.values[place.window], dtype=np.float64)
-    return place.best_disc(seen) * sharp.pitch_arcmin
+    return place.best_disc(seen[place.window], sharp.variance[place.window]) * sharp.pitch_arcmin
 
 
 def expected_blur_arcmin(
-    eye: Eye, sharp: SharpView, name: str, distance_m: float, most_arcmin: float
+    eye: Eye,
+    sharp: SharpView,
+    name: str,
+    distance_m: float,
+    most_arcmin: float,
+    wavelengths_nm: np.ndarray = _WAVELENGTHS_NM,
 ) -> float:
     """The same for the sharp view convolved with the ray-traced spots of one distance, arcmin.
 
@@ -93,19 +118,20 @@ def expected_blur_arcmin(
     """
     place = _Place.of(sharp, name, most_arcmin)
     nodes = np.linspace(0.0, float(place.frequency.max()), _OTF_NODES)
-    transfer = _spot_transfer(eye, nodes / sharp.pitch_arcmin, distance_m)
-    return place.best_disc(place.filtered(np.interp(place.frequency, nodes, transfer))) * (
-        sharp.pitch_arcmin
-    )
+    transfer = _spot_transfer(eye, nodes / sharp.pitch_arcmin, distance_m, wavelengths_nm)
+    seen = place.filtered(np.interp(place.frequency, nodes, transfer))
+    return place.best_disc(seen, np.zeros_like(seen)) * sharp.pitch_arcmin
 
 
-def _spot_transfer(eye: Eye, per_arcmin: np.ndarray, distance_m: float) -> np.ndarray:
+def _spot_transfer(
+    eye: Eye, per_arcmin: np.ndarray, distance_m: float, wavelengths_nm: np.ndarray
+) -> np.ndarray:
     """Photopic transfer, averaged over directions, of the spots of a point on the axis."""
     from scipy.special import j0
 
-    weights = luminous_efficiency(_OTF_WAVELENGTHS_NM)
+    weights = luminous_efficiency(wavelengths_nm)
     total = np.zeros(len(per_arcmin))
-    for nm, weight in zip(_OTF_WAVELENGTHS_NM, weights / weights.sum(), strict=True):
+    for nm, weight in zip(wavelengths_nm, weights / weights.sum(), strict=True):
         rays = eye.spot(0.0, float(nm), object_distance_m=distance_m, rings=_OTF_RINGS)
         radius = np.hypot(rays.x_arcmin, rays.y_arcmin)
         total += weight * (j0(2.0 * np.pi * np.outer(per_arcmin, radius)) @ rays.weights)
@@ -145,7 +171,7 @@ class _Place:
         reach = max(2, math.ceil(most / 2.0))
         # Twice the reach: the edge of the cut-out must not blur into the region that is judged.
         window = _window(mask, 2 * reach + 2)
-        source = sharp.illuminance_lux[window]
+        source = sharp.signal[window]
         grown = binary_dilation(mask[window], iterations=min(reach, _MOST_GROWTH))
         fy = np.fft.fftfreq(source.shape[0])[:, None]
         fx = np.fft.rfftfreq(source.shape[1])[None, :]
@@ -155,17 +181,22 @@ class _Place:
         """The sharp window after a transfer function."""
         return np.fft.irfft2(self.spectrum * transfer, s=self.judged.shape)
 
-    def best_disc(self, seen: np.ndarray) -> float:
-        """Diameter in pixels of the disc that makes the window what is seen."""
+    def best_disc(self, seen: np.ndarray, variance: np.ndarray) -> float:
+        """Diameter in pixels of the disc that makes the window what is seen.
+
+        A disc also smooths the noise of the sharp view; what that takes from the misfit is put
+        back, or else the disc would come out too large.
+        """
         from scipy.optimize import minimize_scalar
 
-        truth = seen[self.judged]
+        truth, noise = seen[self.judged], float(variance[self.judged].sum())
 
         def misfit(log_diameter: float) -> float:
             transfer = disc_transfer(self.frequency * math.exp(log_diameter))
             blurred = self.filtered(transfer)[self.judged]
             gain = float(blurred @ truth) / float(blurred @ blurred)
-            return float(np.sum((truth - gain * blurred) ** 2))
+            kept = gain**2 * noise * float(np.mean(transfer**2))
+            return float(np.sum((truth - gain * blurred) ** 2)) - kept
 
         tries = np.linspace(math.log(_SMALLEST_PIXELS), math.log(self.most_pixels), _STEPS)
         best = int(np.argmin([misfit(t) for t in tries]))
@@ -216,23 +247,28 @@ class ObjectBlur:
 
 
 def object_blurs(
-    image: RetinalImage,
+    seen: np.ndarray,
     sharp: SharpView,
     eye: Eye,
     distances_m: Mapping[str, float],
     most_arcmin: float,
+    wavelengths_nm: np.ndarray = _WAVELENGTHS_NM,
 ) -> list[ObjectBlur]:
-    """The blur of some objects, by name, with their distances along the axis."""
+    """The blur of some objects, by name, with their distances along the axis.
+
+    `seen` is the image, of the kind of the sharp view's signal; the wavelengths are those that
+    make it up, weighted by V(lambda).
+    """
     found = []
     for name, distance in distances_m.items():
-        expected = expected_blur_arcmin(eye, sharp, name, distance, most_arcmin)
+        expected = expected_blur_arcmin(eye, sharp, name, distance, most_arcmin, wavelengths_nm)
         found.append(
             ObjectBlur(
                 name,
                 distance,
-                blur_arcmin(image, sharp, name, most_arcmin),
+                blur_arcmin(seen, sharp, name, most_arcmin),
                 expected,
-                _TOLERANCE * expected + sharp.pitch_arcmin,
+                _TOLERANCE * expected + _PIXEL_TOLERANCE * sharp.pitch_arcmin,
             )
         )
     return found
