@@ -66,7 +66,8 @@ def main() -> None:
         print(f"\n{error.result.table()}")
         sys.exit(f"nothing written: {error}")
     print(f"\n{result.table()}")
-    record = {"command": "python benchmarks/work_precision.py", **result.record()}
+    command = " ".join(["python benchmarks/work_precision.py", *sys.argv[1:]])
+    record = {"command": command, **result.record()}
     path = save(arguments.name, record)
     result.to_csv(RESULTS / f"{arguments.name}.csv")
     result.plot().figure.savefig(RESULTS / f"{arguments.name}.png", dpi=120)

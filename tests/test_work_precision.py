@@ -231,7 +231,11 @@ def test_methods_take_turns_with_the_same_seeds():
             order.append((self.salt, knob, seed))
             return super().__call__(knob, seed)
 
-    study({"a": Noted(salt=1), "b": Noted(salt=2)}, knobs=(4, 16), replicates=3, seed=8)
+    said = []
+    methods = {"a": Noted(salt=1), "b": Noted(salt=2)}
+    study(methods, knobs=(4, 16), replicates=3, seed=8, on_step=lambda *step: said.append(step))
+    # 4 first images, 12 measurements, 4 looks at kinds of error.
+    assert [fraction for _, fraction in said] == pytest.approx(np.arange(20) / 20)
     once = [(salt, knob) for salt in (1, 2) for knob in (4, 16)]
     assert [(salt, knob) for salt, knob, _ in order] == once * 4
     assert [seed for *_, seed in order] == [8] * 8 + [9] * 4 + [10] * 4
