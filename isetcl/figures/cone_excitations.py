@@ -108,11 +108,12 @@ def _draw_profiles(ax: Axes, distance: np.ndarray, profiles: dict[float, np.ndar
 
 def _draw_mosaic(ax: Axes, cones: ConeMosaic) -> None:
     cones.plot(ax, legend=False)
-    for kind, colour in _COLOURS.items():
-        ax.plot([], [], "o", ms=4, color=colour, label=kind)
+    dots = [
+        ax.plot([], [], "o", ms=4, color=colour, label=kind)[0] for kind, colour in _COLOURS.items()
+    ]
     ax.set(xlabel="visual angle (deg)", ylabel="visual angle (deg)")
     ax.set_title(f"{len(cones)} cones", fontsize="medium")
-    ax.legend(loc="upper right", fontsize="small", framealpha=0.9)
+    ax.legend(handles=dots, loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
 
 
 def _draw_line(ax: Axes, cones: ConeMosaic, counts: np.ndarray) -> None:

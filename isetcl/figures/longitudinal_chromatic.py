@@ -35,6 +35,7 @@ MIDDLE_ARCMIN, SHORT_ARCMIN = (5.0, 20.0), (10.0, 40.0)
 _PUPIL_MM = 4.0
 _CROP_DEG = (1.1, 0.55)
 _CROP_UP_DEG = 0.45  # before the black check of the wall
+_DARK_BEFORE, _BRIGHT_ARCMIN = -20.0, (14.0, 24.0)  # the stem of B ends at about 40 arcmin
 _SECTION = "Results, Longitudinal Chromatic Aberration"
 _COLOURS = {450.0: "#3f51b5", 550.0: "#2e8b57", 650.0: "#c0392b"}
 
@@ -108,11 +109,11 @@ def _show_crop(ax: Axes, crop: RetinalImage, centre_deg: float) -> None:
 def _profiles(crop: RetinalImage, centre_deg: float) -> tuple[np.ndarray, dict[float, np.ndarray]]:
     """Irradiance across the edge, mean of all rows, from 0 (outside) to 1 (on the letter)."""
     distance = ARCMIN_PER_DEG * (crop.dataset["x"].values - centre_deg)
+    is_bright = (distance > _BRIGHT_ARCMIN[0]) & (distance < _BRIGHT_ARCMIN[1])
     profiles = {}
     for nm in SHOWN_NM:
         mean = crop.irradiance.sel(wavelength=nm).values.mean(axis=0, dtype=np.float64)
-        ends = len(mean) // 12
-        dark, bright = mean[:ends].mean(), mean[-ends:].mean()
+        dark, bright = mean[distance < _DARK_BEFORE].mean(), mean[is_bright].mean()
         profiles[nm] = (mean - dark) / (bright - dark)
     return distance, profiles
 

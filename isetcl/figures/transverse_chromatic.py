@@ -63,7 +63,8 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     variants = eyes()
     chief = {name: _chief_arcmin(eye) for name, eye in variants.items()}
     picture = blank(12.0, 5.6)
-    whole, crops = picture.subfigures(1, 2, width_ratios=(0.85, 1.0))
+    parts: Any = picture.subfigures(1, 2, width_ratios=(0.85, 1.0))
+    whole, crops = parts
     image = quality.render(
         targets.tca_grid(GRID_M, _GRID_DEG, lines=_LINES),
         variants["unchanged"],
