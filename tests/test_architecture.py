@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parent.parent / "isetcl"
 # Imports only go down this list.
 ORDER = (
     {"version"},
-    {"errors", "units", "memory", "output", "spectrum", "data"},
+    {"errors", "units", "memory", "output", "matlab", "photons", "spectrum", "data"},
     {"eye"},
     {"scene"},
     {"device", "kernels"},

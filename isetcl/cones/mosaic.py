@@ -298,6 +298,15 @@ class ConeMosaic:
 
         return load_mosaic(path)
 
+    def to_isetbio(self, path: str | Path) -> Path:
+        """Write the cones as a file that ISETBio's cMosaic imports; returns the path.
+
+        See `isetcl.cones.isetbio.to_isetbio`.
+        """
+        from isetcl.cones.isetbio import to_isetbio
+
+        return to_isetbio(self, path)
+
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name, one row a receptor."""
         return {name: getattr(self, name) for name in PER_RECEPTOR}
