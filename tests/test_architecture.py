@@ -29,7 +29,7 @@ ORDER = (
     {"cli_mtf"},
     {"cli_eye", "cli_figures"},
     {"cli_render"},
-    {"cli_validate"},
+    {"cli_cones", "cli_validate"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}
