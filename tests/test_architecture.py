@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parent.parent / "isetcl"
 # Imports only go down this list.
 ORDER = (
     {"version"},
-    {"errors", "units", "memory", "output", "page", "spectrum", "data"},
+    {"errors", "units", "memory", "output", "page", "matlab", "photons", "spectrum", "data"},
     {"eye"},
     {"scene"},
     {"device", "kernels"},
@@ -29,7 +29,7 @@ ORDER = (
     {"cli_mtf"},
     {"cli_eye", "cli_figures"},
     {"cli_render"},
-    {"cli_validate"},
+    {"cli_cones", "cli_validate"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}
