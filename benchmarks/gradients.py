@@ -1,8 +1,9 @@
 """What a gradient-index lens costs, and what more steps through it buy.
 
-Rays a second through eyes with and without such a lens, in `trace_rays` and in the direct pipeline
-(one uniform plane), interleaved; and, for Liou & Brennan's eye and shells of steep powers, the time
-and the largest error on the retina against the number of steps a half.
+CPU time a ray through eyes with and without such a lens, in `trace_rays` with several numbers of
+rays and in the direct pipeline (one uniform plane), interleaved; and, for Liou & Brennan's eye and
+shells of steep powers, the time and the largest error on the retina against the number of steps a
+half.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from isetcl.render.plan import plan
 
 NM = 555.0
 RAYS = 1 << 17
+COUNTS = (1 << 17, 1 << 19, 1 << 20)
 PIXELS, SPP, BANDS = 128, 16, 4
 STEPS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32)
 
@@ -86,16 +88,16 @@ def prepare(eye: ic.Eye, precision: str, count: int, steps: int | None = None) -
 
 
 def rates(timings: dict[str, Timing], work: float) -> dict[str, dict[str, float]]:
-    """Nanoseconds a ray, and the ratio to the Navarro eye's: medians and least times."""
+    """CPU nanoseconds a ray, and the ratio to the Navarro eye's: medians and least times."""
     base = timings["navarro"]
     found = {}
     for name, timing in timings.items():
-        median, least = np.median(timing.wall_s), min(timing.wall_s)
+        median, least = np.median(timing.cpu_s), min(timing.cpu_s)
         found[name] = {
             "ns_median": float(median / work * 1e9),
             "ns_least": float(least / work * 1e9),
-            "times_navarro_median": float(median / np.median(base.wall_s)),
-            "times_navarro_least": float(least / min(base.wall_s)),
+            "times_navarro_median": float(median / np.median(base.cpu_s)),
+            "times_navarro_least": float(least / min(base.cpu_s)),
         }
         print(f"  {name:20s} " + "  ".join(f"{k} {v:.3g}" for k, v in found[name].items()))
     return found
@@ -106,6 +108,19 @@ def time_traces(precision: str, rounds: int) -> dict[str, dict[str, float]]:
     print(f"trace_rays, {precision}")
     runs = {name: lambda t=t: t.run().wait() for name, t in traces.items()}
     return rates(interleave(runs, rounds), RAYS)
+
+
+def time_counts(rounds: int) -> dict[str, dict[str, dict[str, float]]]:
+    """Liou & Brennan's eye beside Navarro's with more and more rays, in single precision."""
+    found = {}
+    for count in COUNTS:
+        pair = {
+            name: prepare(eyes()[name], "single", count) for name in ("navarro", "liou_brennan")
+        }
+        print(f"trace_rays, single, {count} rays")
+        runs = {name: lambda t=t: t.run().wait() for name, t in pair.items()}
+        found[str(count)] = rates(interleave(runs, rounds), count)
+    return found
 
 
 def time_pipelines(precision: str, rounds: int) -> dict[str, dict[str, float]]:
@@ -138,7 +153,7 @@ def work_and_precision(precision: str, rounds: int) -> dict[str, list[dict[str, 
             many = prepare(eye, precision, RAYS // 4, steps)
             runs[str(steps)] = lambda t=many: t.run().wait()
         for row, timing in zip(rows, interleave(runs, rounds).values(), strict=True):
-            row["ns_least"] = min(timing.wall_s) / (RAYS // 4) * 1e9
+            row["ns_least"] = min(timing.cpu_s) / (RAYS // 4) * 1e9
         found[name] = rows
         print(f"{name}, {precision}: steps, um, ns")
         for row in rows:
@@ -154,6 +169,7 @@ def main() -> None:
         "command": "python benchmarks/gradients.py",
         "rounds": rounds,
         "trace_rays": {p: time_traces(p, rounds) for p in ("single", "double")},
+        "counts": time_counts(rounds),
         "direct": {"single": time_pipelines("single", max(5, rounds // 3))},
         "steps": {p: work_and_precision(p, max(5, rounds // 5)) for p in ("single", "double")},
     }

@@ -210,11 +210,44 @@ def huygens() -> str:
     return "\n\n".join(parts)
 
 
+def mosaic() -> str:
+    record = load("mosaic")
+    rows = [
+        (name, m["cones"], m["wall_s"], m["cpu_s"], m["peak_gib"])
+        for name, m in record["mosaics"].items()
+    ]
+    regular = [
+        (name, *(q[k] for k in ("six_neighbours", "spacing_cv", "nearest_neighbour_regularity")))
+        for name, q in record["quality"].items()
+    ]
+    errors = record["density_error"]
+    worst = {m: 100.0 * max(map(abs, e)) for m, e in errors.items()}
+    ecc, relax = record["eccentricity_deg"], record["relaxation"]
+    return "\n\n".join(
+        [
+            "## Mosaics of cones\n\n" + where(record),
+            "From the call to the finished mosaic, types and sizes included; peak memory is the "
+            "whole process's.",
+            table(("field", "cones", "s", "CPU s", "peak GiB"), rows),
+            f"Density along the meridians from {ecc[0]:g} to {ecc[-1]:g} degrees: 300 cones over "
+            "the area of their Voronoi cells, against Curcio 1990 over the same area.",
+            table(("meridian", "largest error, %"), list(worst.items())),
+            "Regularity: the share of cones with six neighbours, the spread of the distances "
+            "between neighbours, and mean over spread of the distance to the nearest.",
+            table(("field", "six neighbours", "spacing CV", "nearest-neighbour"), regular),
+            f"The relaxation alone, {relax['points']} points of one start, by the same law: the "
+            f"kernels take {number(relax['seconds']['isetcl'])} s, numpy with scipy's cKDTree "
+            f"{number(relax['seconds']['numpy and scipy'])} s, {number(relax['ratio'])} times as "
+            "long.",
+        ]
+    )
+
+
 def gradients() -> str:
     record = load("gradients")
     parts = [
         "## Gradient-index lenses\n\n" + where(record),
-        "Nanoseconds a ray, medians, and how many times the Navarro eye's that is: `trace_rays` in "
+        "CPU ns a ray, medians, and how many times the Navarro eye's that is: `trace_rays` in "
         "both precisions, and the direct pipeline with one uniform plane. Shells have the index "
         "1.415 - 0.045 (zeta^2)^power.",
     ]
@@ -230,6 +263,13 @@ def gradients() -> str:
     ]  # fmt: skip
     head = ("eye", *(cell for name, _ in kinds for cell in (name, "times Navarro")))
     parts.append(table(head, rows))
+    parts.append("The two alone, `trace_rays` in single precision, with more and more rays:")
+    counts = [
+        (count, of["navarro"]["ns_median"], of["liou_brennan"]["ns_median"],
+         of["liou_brennan"]["times_navarro_median"])
+        for count, of in record["counts"].items()
+    ]  # fmt: skip
+    parts.append(table(("rays", "navarro", "liou_brennan", "times Navarro"), counts))
     parts.append(
         "Largest error on the retina of rays over a 3.2 mm pupil, um, against steps through each "
         "half of the lens."
@@ -349,6 +389,51 @@ library, for example Debian's `libllvm19`; plain C needs gcc); a peer that is mi
 This page is written by `python benchmarks/summary.py` from the JSON files in `results/`."""
 
 
+def work_precision() -> str:
+    record = load("work_precision")
+    points = [
+        (
+            p["method"],
+            f"{p['knob']} {p['value']:g}",
+            p["time_s"],
+            *(
+                None if p[name] is None else 100.0 * p[name]
+                for name in ("rmse", "monte_carlo", "bias", "rounding", "discretisation")
+            ),
+            p["spread"],
+        )
+        for p in record["points"]
+    ]
+    goals = [
+        (
+            m["method"],
+            *(
+                t["time_to_how"]
+                if t["time_to_s"] in (None, "infinite")
+                else f"{number(t['time_to_s'])} s, {t['time_to_how']}"
+                for t in m["targets"]
+            ),
+        )
+        for m in record["methods"]
+    ]
+    targets = [f"to {100 * t['target']:g} %" for t in record["methods"][0]["targets"]]
+    clock = {"wall": "wall clock", "cpu": "processor time"}[record["provenance"]["time"]]
+    head = ("method", "knob", f"s ({clock})", "rms error (%)", "noise (%)", "bias (%)")
+    return "\n\n".join(
+        [
+            "## Error against run time\n\n" + where(record),
+            f"Figure 12 of the paper by ray tracing and by PSF methods, relative to the mean of an "
+            f"independent reference ({record['provenance']['reference']}); "
+            f"{record['provenance']['replicates']} replicates. Rounding is the difference of the "
+            "same samples in both precisions, discretisation that of fewer bands or coarser views.",
+            "![error against run time](results/work_precision.png)",
+            table((*head, "rounding (%)", "discretisation (%)", "spread"), points),
+            table(("time", *targets), goals),
+            *record["notes"],
+        ]
+    )
+
+
 def page() -> str:
     sections = (
         trace_rays,
@@ -359,11 +444,13 @@ def page() -> str:
         paths,
         path_features,
         huygens,
+        mosaic,
         gradients,
         startup,
         psf_baseline,
         paper_scene,
         convergence,
+        *([work_precision] if (HERE / "results" / "work_precision.json").exists() else []),
     )
     return "\n\n".join([HEAD, *(section() for section in sections)]) + "\n"
 

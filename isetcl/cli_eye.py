@@ -16,11 +16,12 @@ import numpy as np
 import typer
 
 from isetcl import cli_scene
-from isetcl.errors import InvalidInputError, check_positive
+from isetcl.errors import InvalidInputError, check_count, check_positive
 
 if TYPE_CHECKING:
     from isetcl.eye.aberrations.mtf_table import MtfTable
     from isetcl.eye.model import Eye
+    from isetcl.eye.people.population import Population
 
 _EYE_HELP = "A model eye by its name, such as navarro, or a file: .json, .zmx or .dat."
 _PUPIL_HELP = "Diameter of the stop (iris), mm (default: 4, or that of the file)."
@@ -72,7 +73,8 @@ def eye(
 
 
 def mtf(
-    name: EyeName,
+    name: Annotated[str | None, typer.Argument(metavar="EYE", help=_EYE_HELP)] = None,
+    eye_name: Annotated[str | None, typer.Option("--eye", help="The same as EYE.")] = None,
     pupil: Pupil = None,
     field: Annotated[float, typer.Option(help="Field angle, degrees.")] = 0.0,
     wavelength: Wavelength = 550.0,
@@ -88,6 +90,19 @@ def mtf(
         Path | None,
         typer.Option("--output", "--out", "-o", help="Folder for mtf.csv, mtf.json and mtf.png."),
     ] = None,
+    plot: Annotated[
+        bool,
+        typer.Option(
+            "--plot",
+            help="Measure a slanted edge in a rendered image too, and draw it in three_mtfs.png "
+            "beside rays, wavefront, diffraction limit and people's eyes.",
+        ),
+    ] = False,
+    population: Annotated[
+        Path | None,
+        typer.Option(help="Zernike statistics of people for --plot: .npz, .mat or .csv."),
+    ] = None,
+    spp: Annotated[int, typer.Option(help="Samples a pixel and band of that image.")] = 256,
 ) -> None:
     """Print the MTF of an eye: one wavelength and photopic light, with and without diffraction."""
     from rich.console import Console
@@ -100,19 +115,30 @@ def mtf(
         raise InvalidInputError(f"--frequency must be >= 0 cycles/degree, got {frequency!r}")
     check_positive("--wavelength", wavelength, "nm")
     check_positive("--step", step, "nm")
-    model, object_distance = _model(name, pupil, accommodation, distance)
+    check_count("--spp", spp, 2)
+    model, object_distance = _model(_only(name, eye_name), pupil, accommodation, distance)
     _check_objects(model, [field], wavelength, object_distance)
-    if output is not None:
-        _check_folder(output)
+    people = _people(plot, population)
+    folder = Path("isetcl-mtf") if plot and output is None else output
+    if folder is not None:
+        _check_folder(folder)
     options: dict[str, Any] = {"step_nm": step, "object_distance_m": object_distance}
     wanted = np.union1d(frequencies, np.linspace(0.0, max(60.0, *frequencies), 61))
     found = mtf_table(model, wanted, field, wavelength, **options)
     for column, reason in found.refused.items():
         cli_scene.note(f"no {column}: {reason}")
     Console().print(cli_tables.mtf(found.at(frequencies)))
-    if output is not None:
-        _write_mtf(found, frequencies, model, output, options)
-        print(f"mtf.csv, mtf.json, mtf.png in {output}/")
+    if folder is not None:
+        _write_mtf(found, frequencies, model, folder, options)
+        print(f"mtf.csv, mtf.json, mtf.png in {folder}/")
+    if plot and folder is not None:
+        from isetcl import cli_mtf
+
+        view = (field, object_distance, max(60.0, *frequencies), step, spp)
+        picture, rows, summary = cli_mtf.three_ways(model, view, people)
+        _save(picture, folder / "three_mtfs.png", 110)
+        _write(folder / "three_mtfs.csv", rows.encode())
+        print(f"{summary}\nthree_mtfs.csv, three_mtfs.png in {folder}/")
 
 
 def _model(
@@ -139,6 +165,25 @@ def _model(
         away = math.inf if math.isinf(distance) else check_positive("--distance", distance, "m")
         return model, away
     return model, 1.0 / wanted if wanted is not None and wanted > 0 else math.inf
+
+
+def _only(name: str | None, other: str | None) -> str:
+    """The eye that was named, in one of two ways."""
+    if (name is None) == (other is None):
+        raise InvalidInputError(
+            "name one eye, as EYE or with --eye, such as isetcl mtf navarro, got "
+            + ("none" if name is None else f"{name!r} and {other!r}")
+        )
+    return str(name if other is None else other)
+
+
+def _people(plot: bool, file: Path | None) -> Population | None:
+    """The statistics of a file; read before any work."""
+    from isetcl.eye.people.population import load_population
+
+    if file is not None and not plot:
+        raise InvalidInputError("--population is drawn by --plot only; add --plot")
+    return None if file is None else load_population(file)
 
 
 def _numbers(option: str, text: str, example: str) -> tuple[float, ...]:

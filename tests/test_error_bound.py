@@ -363,27 +363,23 @@ def test_bad_tolerances_are_named():
 # ---- against ray tracing ---------------------------------------------------------------------
 
 
-def judged(scene, eye, method, *, pixels=64, spp=2048, diffraction="none", **psfs):
-    """Absolute error, its standard error from noise, and the bound, of the mean of the image."""
-    where = {"fov_deg": random_planes.FOV_DEG, "resolution": pixels}
-    traced, noise = traced_image(scene.name, spp, diffraction, **where)
-    made = ic.psf_baseline.render(scene, eye, method=method, **where, **psfs).brightness()[0]
-    bound = error_bound(scene, eye, method=method, **where, **psfs).bound
+def judged(scene, eye, *names, pixels=64, spp=2048, diffraction="none", nm=None, **psfs):
+    """Absolute error, its standard error from noise, and the bound, by method, of the mean."""
+    where = {"fov_deg": random_planes.FOV_DEG, "resolution": pixels, "wavelengths_nm": nm}
+    traced, noise = ic.render(
+        scene, eye, spp=spp, seed=1, progress=False, diffraction=diffraction, **where
+    ).brightness()
+    bounds = error_bounds(scene, eye, names, **where, **psfs)
     level = traced.mean()
-    return np.abs(made - traced).ravel() / level, noise.ravel() / level, bound.ravel()
+    found = {}
+    for name in names:
+        made = ic.psf_baseline.render(scene, eye, method=name, **where, **psfs).brightness()[0]
+        error = np.abs(made - traced).ravel() / level
+        found[name] = (error, noise.ravel() / level, bounds[name].bound.ravel())
+    return found
 
 
-@functools.cache
-def traced_image(name, spp, diffraction, **where):
-    """Photopic image and its standard error; ray tracing serves all methods of a scene."""
-    scene, eye = (
-        random_planes.sheet() if name == "sheet" else random_planes.planes(int(name.split()[-1]))
-    )
-    options = {"spp": spp, "seed": 1, "progress": False, "diffraction": diffraction}
-    return ic.render(scene, eye, **options, **where).brightness()
-
-
-def assert_bounded(error, noise, bound):
+def assert_bounded(error, noise, bound, measurable=0.3):
     """At least 95 % below, noise of two standard errors forgiven; the median ratio below 3.
 
     The ratio is over pixels whose error is at least four standard errors, so that it is error.
@@ -391,44 +387,45 @@ def assert_bounded(error, noise, bound):
     assert np.mean(noise) < 0.003
     assert np.mean(error <= bound + 2.0 * noise) >= 0.95
     real = error >= 4.0 * noise
-    assert real.mean() > 0.3
+    assert real.mean() > measurable
     assert 1.0 <= np.median(bound[real] / error[real]) <= 3.0
 
 
 def test_ray_traced_errors_lie_below_the_bound():
-    assert_bounded(*judged(*random_planes.planes(3), "layered_sum", pixels=24, spp=1024))
+    found = judged(*random_planes.planes(3), "layered_sum", pixels=24, spp=1024)
+    assert_bounded(*found["layered_sum"])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["layered_sum", "layered_over"])
-def test_twenty_random_scenes_of_planes_are_bounded(method):
-    found = [judged(*random_planes.planes(seed), method) for seed in range(20)]
-    assert_bounded(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
-    # In every one of them, without forgiving noise.
-    assert min(np.mean(error <= bound) for error, _, bound in found) >= 0.95
+def test_twenty_random_scenes_of_planes_are_bounded():
+    names = ("layered_sum", "layered_over")
+    found = [judged(*random_planes.planes(seed), *names) for seed in range(20)]
+    for name in names:
+        of_scenes = [scene[name] for scene in found]
+        assert_bounded(*(np.concatenate(parts) for parts in zip(*of_scenes, strict=True)))
+        # In every one of them, without forgiving noise.
+        assert min(np.mean(error <= bound) for error, _, bound in of_scenes) >= 0.95
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["layered_sum", "gather", "layered_over"])
-def test_a_mesh_is_bounded(method):
-    error, noise, bound = judged(*random_planes.sheet(), method)
-    assert_bounded(error, noise, bound)
-    assert np.mean(error <= bound) >= 0.95
+def test_a_mesh_is_bounded():
+    for found in judged(*random_planes.sheet(), "layered_sum", "gather", "layered_over").values():
+        assert_bounded(*found)
+        assert np.mean(found[0] <= found[2]) >= 0.95
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "options"),
     [
-        (3, {"psf": "hurb", "diffraction": "hurb"}),
         (9, {"psf": "hurb", "diffraction": "hurb"}),
-        (3, {"field": 3}),
-        (9, {"field": 3}),
-        (3, {"psf": "disc"}),
-        (9, {"psf": "watson"}),
+        (9, {"field": 3, "nm": ONE}),
+        (3, {"psf": "disc", "nm": ONE}),
+        (9, {"psf": "watson", "nm": ONE}),
     ],
 )
 def test_other_psfs_and_those_that_change_over_the_field_are_bounded(seed, options):
-    error, noise, bound = judged(*random_planes.planes(seed), "layered_sum", **options)
-    assert_bounded(error, noise, bound)
-    assert np.mean(error <= bound) >= 0.95
+    found = judged(*random_planes.planes(seed), "layered_sum", **options)["layered_sum"]
+    # PSFs that change over the field err by more than noise at depth edges alone.
+    assert_bounded(*found, measurable=0.15 if "field" in options else 0.3)
+    assert np.mean(found[0] <= found[2]) >= 0.95

@@ -117,26 +117,26 @@ def test_thin_lenses_have_the_closed_forms_errors(thin, focus):
 
 def check_strip(study, focus):
     # 4 mm, 0.5 and 2 m: a |D1 - D2| = 2e-3 m x 1.5 dpt = 10.31 arcmin, whatever is in focus.
-    assert thin.dataset["half_width_arcmin"].values.ravel() == pytest.approx(
-        [10.3132] * 3, abs=1e-3
-    )
-    for focus in ("near", "far"):
-        own = cell(thin, focus, "layered_sum")
-        # From the integral 4 / (3 pi) of the half-width, and from where the error ends.
-        measured = own["integral_arcmin"].item() * 3.0 * np.pi / 4.0
-        assert measured == pytest.approx(10.3132, rel=0.01)
-        error = np.abs(own["profile"].values)
-        beyond = np.abs(own["offset"].values) > 1.0
-        assert error[beyond].max() < 1e-3
-        assert error[np.abs(own["offset"].values) < 0.95].min() > 5e-3
-
-
-def test_the_reach_is_where_the_closed_form_falls_to_its_threshold(thin):
-    # H(t) = 0.05 at t = 0.8054: solved from the disc's edge function.
+    own = cell(study, focus, "layered_sum")
+    assert own["half_width_arcmin"].item() == pytest.approx(10.3132, abs=1e-3)
+    # From the integral 4 / (3 pi) of the half-width, and from where the error ends.
+    measured = own["integral_arcmin"].item() * 3.0 * np.pi / 4.0
+    assert measured == pytest.approx(10.3132, rel=0.01)
+    error = np.abs(own["profile"].values)
+    assert error[np.abs(own["offset"].values) > 1.0].max() < 1e-3
+    assert error[np.abs(own["offset"].values) < 0.95].min() > 5e-3
+    # The edge function falls to 0.05 at t = 0.8054.
     pixel = 2 * 2.5 * 10.3132 / 80
-    for focus in ("near", "far"):
-        reach = cell(thin, focus, "layered_sum")["reach_arcmin"].item()
-        assert reach == pytest.approx(0.8054 * 10.3132, abs=pixel)
+    assert own["reach_arcmin"].item() == pytest.approx(0.8054 * 10.3132, abs=pixel)
+
+
+def test_the_strip_of_the_paper_is_10_arcmin_each_side(thin_near):
+    check_strip(thin_near, "near")
+
+
+@pytest.mark.slow
+def test_the_strip_is_as_wide_with_the_far_plane_in_focus(thin):
+    check_strip(thin, "far")
 
 
 def test_the_thin_lens_image_is_the_share_of_the_pupil_that_sees_each_plane():
@@ -210,6 +210,26 @@ def test_table_figure_and_file_tell_the_same(figure_12, tmp_path):
         np.testing.assert_array_equal(data["strip_rms"], figure_12.dataset["strip_rms"])
     with pytest.raises(ic.FileError, match="cannot write"):
         figure_12.save(tmp_path / "no" / "study.nc")
+
+
+def test_the_noise_of_the_reference_is_no_error():
+    wavelengths = np.array([550.0])
+    work = occlusion_cells.Work(
+        ("one",), wavelengths, (1.0, 1.0), navarro, False, 60, 2.5, 64, 0, None, 0.02
+    )
+    rng = np.random.default_rng(3)
+    error = 0.05
+    noise = np.full((1, 20, 60), error**2)
+    off = error * rng.standard_normal((1, 1, 20, 60))
+    found = work._errors(off, noise, 10.0)
+    # 480 pixels: the mean square is known to 6.5 %.
+    assert found["strip_rms"].item() < 0.5 * error
+    assert found["reach_arcmin"].item() == 0.0
+    off[..., 24:36] += 0.2
+    found = work._errors(off, noise, 10.0)
+    assert found["strip_rms"].item() == pytest.approx(0.2 * np.sqrt(12 / 24), rel=0.05)
+    assert found["reach_arcmin"].item() == pytest.approx(6 * 50.0 / 60)
+    assert found["strip_bias"].item() == pytest.approx(0.1, rel=0.1)
 
 
 GRID = {

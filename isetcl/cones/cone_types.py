@@ -25,7 +25,7 @@ NEAREST = 0.5
 """The least of the cones' own distances over the greatest; they are spread evenly between.
 
 S cones of one distance lie nearly as regular as cones do (nearest-neighbour regularity 7.6); with
-distances from a half of it up they are semi-regular (4.1), between that and chance (1.9).
+distances from a half of it up they are semi-regular (4.2), between that and chance (1.9).
 """
 
 _CONES_OF_A_BAND = 150

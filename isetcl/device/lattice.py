@@ -172,8 +172,8 @@ class LatticeKernels:
         tiles = Tiles.of(places, distance_mm)
         order, n = tiles.order, np.int32(len(places))
         given = self._device.upload
-        state = given(np.zeros(n, dtype=np.int32))
-        others = [self._device.allocate(int(n), np.dtype(np.int32)) for _ in range(2)]
+        state, after = (self._device.allocate(int(n), np.dtype(np.int32)) for _ in range(2))
+        self._write(state, np.zeros(n, dtype=np.int32))
         fixed = (
             n,
             given(places[order].astype(self._real)),
@@ -184,8 +184,8 @@ class LatticeKernels:
         left = np.ones(n, dtype=np.int32)
         left_there = self._device.allocate(int(n), np.dtype(np.int32))
         while left.any():
-            self._run("choose_apart", int(n), *fixed, state, *tiles_there, others[0], left_there)
-            state, others = others[0], [others[1], others[0]]
+            self._run("choose_apart", int(n), *fixed, state, *tiles_there, after, left_there)
+            state, after = after, state
             self._read(left, left_there)
         result = np.empty(n, dtype=np.int32)
         self._read(result, state)

@@ -11,9 +11,17 @@
  */
 #include "lib/real.cl"
 
+#if !CPU_BUILTINS
+#if DOUBLE_PRECISION
+typedef double2 real2;
+#else
+typedef float2 real2;
+#endif
+#endif
+
 /* first_cell - number of the tile or cell along one axis that holds a coordinate, within 0..n-1. */
 INLINE int first_cell(real offset, real per_mm, int n) {
-  const int cell = (int)floor(offset * per_mm);
+  const int cell = whole(offset * per_mm);
   return cell < 0 ? 0 : (cell >= n ? n - 1 : cell);
 }
 
@@ -49,10 +57,6 @@ INLINE int first_cell(real offset, real per_mm, int n) {
   const real2 origin, const real tile_mm, const int columns, const int rows,                      \
       global const int *restrict tile_first, global const int *restrict tile_cells,               \
       global const int *restrict cell_first
-
-typedef struct {
-  real x, y;
-} place_t;
 
 /* find_neighbours - for every point the others that may come within reach of it.
  *

@@ -1,4 +1,4 @@
-"""The picture of a slanted edge's transfer."""
+"""Pictures of the transfer of a slanted edge, alone and beside others."""
 
 from __future__ import annotations
 
@@ -6,13 +6,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isetcl.eye.pictures.picture_parts import FIELD_COLOURS, axes_or_new, dress, wavelength_colour
+from isetcl.eye.people.human_mtf import diffraction_mtf, watson_2013_mtf
+from isetcl.eye.pictures.picture_parts import (
+    FIELD_COLOURS,
+    PALE,
+    axes_or_new,
+    dress,
+    wavelength_colour,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from isetcl.validation.slanted_edge import SlantedEdgeMtf
+    from isetcl.validation.population_band import PopulationBand
+    from isetcl.validation.slanted_edge_result import SlantedEdgeMtf
     from isetcl.validation.three_mtfs import ThreeMtfs
+
+_WATSON_MM = (2.0, 6.0)
+_PEOPLE = "#d68910"
 
 
 def draw_slanted_edge(found: SlantedEdgeMtf, ax: Axes | None = None) -> Axes:
@@ -71,3 +82,38 @@ def draw_three_mtfs(found: ThreeMtfs, ax: Axes | None = None) -> Axes:
     axes.set_title(found.light, fontsize="medium")
     axes.legend(fontsize="small", frameon=False)
     return axes
+
+
+def draw_with_people(
+    found: ThreeMtfs,
+    pupil_diameter_mm: float,
+    band: PopulationBand | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """The three curves of an eye, its diffraction limit, and what people's eyes do.
+
+    Parameters
+    ----------
+    found
+        Three transfers of an eye.
+    pupil_diameter_mm
+        Diameter of its entrance pupil, for the limit and for the mean eye of Watson 2013, which is
+        left out beyond its 2 to 6 mm.
+    band
+        Percentiles of other eyes; None leaves them out.
+    """
+    axes = axes_or_new(ax)
+    f = np.linspace(0.0, float(found.frequency_cpd[-1]), 121)
+    if band is not None:
+        low, mean, high = band.at(f)
+        name = f"{band.name}: 5th to 95th percentile, mean"
+        axes.fill_between(f, low, high, color=_PEOPLE, alpha=0.18, lw=0)
+        axes.plot(f, mean, color=_PEOPLE, lw=1.2, label=name)
+    limit = diffraction_mtf(f, pupil_diameter_mm, 555.0)
+    name = f"diffraction limit, 555 nm, {pupil_diameter_mm:.3g} mm entrance pupil"
+    axes.plot(f, limit, color=PALE, lw=1.2, label=name)
+    if _WATSON_MM[0] <= pupil_diameter_mm <= _WATSON_MM[1]:
+        name = f"mean eye, Watson 2013, {pupil_diameter_mm:.3g} mm"
+        watson = watson_2013_mtf(f, pupil_diameter_mm)
+        axes.plot(f, watson, color=FIELD_COLOURS[2], lw=1.8, ls="-.", label=name)
+    return draw_three_mtfs(found, axes)

@@ -30,7 +30,8 @@ from isetcl.eye.waves.wavefront import Wavefront
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import check_wavelengths, luminous_efficiency
 from isetcl.units import ARCMIN_PER_DEG, NM_PER_MM
-from isetcl.validation.slanted_edge import SlantedEdgeMtf, slanted_edge_mtf
+from isetcl.validation.slanted_edge import slanted_edge_mtf
+from isetcl.validation.slanted_edge_result import SlantedEdgeMtf
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _MARKERS = "osD^vPX*hp<>"
 _FEWEST_DECADES = 0.3
+_FEW_DECADES = 3.0
 
 
 def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
@@ -22,6 +23,7 @@ def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
     """
     from matplotlib import colormaps
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     data = result.dataset
     has_times = bool(result.provenance.get("has_times", True))
@@ -37,7 +39,8 @@ def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
         bars = np.maximum([error - ends[0], ends[1] - error], 0.0)
         # A bar down to 0 has no place on a log axis.
         bars[0] = np.minimum(bars[0], 0.9 * error)
-        order = np.argsort(x)
+        # In the order of the knob: times that hardly differ would be crossed at random.
+        order = np.argsort(own["value"].values)
         colour, marker = colours[m % 10], _MARKERS[m % len(_MARKERS)]
         ax.errorbar(
             *(x[order], error[order]), bars[:, order], color=colour, lw=1.3, capsize=2, alpha=0.85
@@ -47,9 +50,17 @@ def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
         ax.plot(x[hollow], error[hollow], marker, color=colour, mfc="white", ms=6)
         ax.plot([], [], marker=marker, color=colour, label=str(name))
     _draw_lines(result, ax)
+    if np.any(data["is_limited"].values | data["is_noisy"].values):
+        text = "hollow: uneven times, or below that noise"
+        ax.plot([], [], "o", color="0.35", mfc="white", ms=6, label=text)
     ax.set_xscale("log")
     ax.set_yscale("log")
     _widen(ax)
+    for axis in (ax.xaxis, ax.yaxis):
+        few = np.ptp(np.log10(axis.get_view_interval())) < _FEW_DECADES
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     clock = {"wall": "time of an image (s)", "cpu": "processor time of an image (s)"}
     ax.set_xlabel(clock[result.provenance["time"]] if has_times else "knob (times were too noisy)")
     ax.set_ylabel("root mean square error (% of the mean)")

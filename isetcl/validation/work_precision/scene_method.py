@@ -13,6 +13,9 @@ from isetcl import psf_baseline
 from isetcl.device.choose import find_device
 from isetcl.errors import InvalidInputError, check_choice, check_type
 from isetcl.eye.model import Eye
+from isetcl.psf_baseline.pupil import MAX_SAMPLES
+from isetcl.psf_baseline.view import MAX_LAYERS
+from isetcl.render.goal import MAX_SPP
 from isetcl.render.plan import plan
 from isetcl.render.render import render
 from isetcl.retina.image import RetinalImage
@@ -27,7 +30,7 @@ _PSF_KNOBS = {
     "layers": (2, 4, 8, 16),
     "pupil_samples": (16, 64, 256),
 }
-_FINEST = {"oversampling": 8, "layers": 512, "pupil_samples": 4096}
+_FINEST = {"oversampling": 8, "layers": MAX_LAYERS, "pupil_samples": MAX_SAMPLES}
 _DEFAULT_SPP = 256
 _Any = TypeVar("_Any")
 
@@ -68,6 +71,9 @@ class SceneMethod:
         for value in self.knobs:
             if value != int(value):
                 raise InvalidInputError(f"{knob} must be a whole number, got {value:g}")
+        most = MAX_SPP if self.is_traced else _FINEST[knob]
+        if max(self.knobs) > most:
+            raise InvalidInputError(f"{knob} must be at most {most}, got {max(self.knobs):g}")
         if knob in self.options:
             raise InvalidInputError(
                 f"{knob!r} is the knob of method {self.name!r} and cannot be an option as well"
@@ -96,6 +102,9 @@ class SceneMethod:
             return self._traced(scene, eye, where, device)
         return self._by_psf(scene, eye, where)
 
+    def _largest(self, knob: str) -> dict[str, Any]:
+        return {knob: int(max(self.knobs))} if self.knob == knob else {}
+
     def _traced(
         self, scene: Scene, eye: Eye, where: Mapping[str, Any], device: str | None
     ) -> WorkMethod:
@@ -109,7 +118,9 @@ class SceneMethod:
 
             return render_at
 
-        planned = plan(scene, eye, **{k: v for k, v in base.items() if k != "spp"})
+        fixed = {k: v for k, v in base.items() if k != "spp"}
+        # The largest value of the knob is refused now if there are not so many wavelengths.
+        planned = plan(scene, eye, **fixed, **self._largest("bands"))
         parts: list[Part] = []
         if planned.config.precision == "single" and find_device(device).has_double:
             near_scene, near_eye = rounded_inputs(scene), rounded_inputs(eye)
