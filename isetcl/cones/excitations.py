@@ -43,8 +43,8 @@ class Excitations:
     ----------
     dataset : xarray.Dataset
         ``mean`` (frame, receptor): mean excitations in one integration time. Coordinates by
-        receptor: ``x_deg``, ``y_deg``, ``type`` (0 L, 1 M, 2 S, 3 rod); by frame: ``time_s`` and
-        where the fovea looks, ``gaze_x_deg`` and ``gaze_y_deg``. Attributes:
+        receptor: ``x_deg``, ``y_deg``, ``eccentricity_deg``, ``type`` (0 L, 1 M, 2 S, 3 rod); by
+        frame: ``time_s`` and where the fovea looks, ``gaze_x_deg`` and ``gaze_y_deg``. Attributes:
         ``integration_time_s``, ``seed``, ``provenance`` (JSON).
     """
 
@@ -277,6 +277,7 @@ def _labelled(
         coords={
             "x_deg": ("receptor", places[:, 0], {"units": "deg"}),
             "y_deg": ("receptor", places[:, 1], {"units": "deg"}),
+            "eccentricity_deg": ("receptor", mosaic.eccentricity_deg, {"units": "deg"}),
             "type": ("receptor", mosaic.types),
             "time_s": ("frame", step_s * np.arange(len(gaze)), {"units": "s"}),
             "gaze_x_deg": ("frame", gaze[:, 0], {"units": "deg"}),
