@@ -88,9 +88,7 @@ def test_paths_begin_or_balance_at_the_middle():
     np.testing.assert_array_equal(begin.gaze_deg[:, 0], 0.0)
     middle = ic.cones.eye_movements(0.3, trials=2, centre="mean")
     np.testing.assert_allclose(middle.gaze_deg.mean(axis=1), 0.0, atol=1e-15)
-    np.testing.assert_allclose(
-        middle.gaze_deg - middle.gaze_deg[:, :1], begin.gaze_deg, atol=1e-15
-    )
+    np.testing.assert_allclose(middle.gaze_deg - middle.gaze_deg[:, :1], begin.gaze_deg, atol=1e-15)
 
 
 def test_frames_lie_on_straight_lines_between_the_steps():

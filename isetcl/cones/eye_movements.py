@@ -176,7 +176,7 @@ class EyeMovements:
         return float(np.sum(np.square(self.displacement_arcmin(lag_s))) / (4.0 * lag_s))
 
     def plot(self, ax: Axes | None = None, trials: int = 1) -> Axes:
-        """Draw the first paths over the visual field, microsaccades darker; returns the axes."""
+        """Draw the first paths over the visual field, microsaccades in thick lines; returns the axes."""
         import matplotlib.pyplot as plt
 
         count = check_count("trials", trials, 1, len(self))
@@ -190,8 +190,8 @@ class EyeMovements:
             if np.any(jump):
                 moving = jump | np.roll(jump, 1)
                 moving[0] = jump[0]
-                dark = [np.where(moving, each, np.nan) for each in (x, y)]
-                axes.plot(*dark, lw=2.2, color=line.get_color())
+                thick = [np.where(moving, each, np.nan) for each in (x, y)]
+                axes.plot(*thick, lw=2.2, color=line.get_color())
             axes.plot(x[:1], y[:1], "o", ms=4, color=line.get_color())
         axes.set_aspect("equal")
         axes.set_xlabel("gaze, x (arcmin)")
