@@ -6,9 +6,9 @@ import pytest
 
 from isetcl.cones.nomogram import govardovskii_absorbance
 from isetcl.cones.observer import Observer
-from isetcl.cones.pigments import absorbance
 from isetcl.errors import InvalidInputError
 from isetcl.eye.people.macular_pigment import macular_fraction
+from isetcl.eye.people.pigments import absorbance
 from isetcl.eye.people.stockman_rider import (
     template_lens_density,
     template_macular_density,

@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from isetcl.cones.pigments import CONE_PEAK_NM, absorbance, field_size_densities
 from isetcl.errors import InvalidInputError, check_between, check_choice, check_finite
 from isetcl.eye.people.macular_pigment import (
     MACULAR_PEAK_DENSITY,
@@ -19,14 +18,16 @@ from isetcl.eye.people.macular_pigment import (
     standard_lens_density,
 )
 from isetcl.eye.people.ocular_media import ocular_density
+from isetcl.eye.people.pigments import (
+    CONE_PEAK_NM,
+    FOVEAL_DENSITIES,
+    PHOTON_EFFICIENCY,
+    absorbance,
+    absorptance,
+    field_size_densities,
+)
 from isetcl.eye.people.stockman_rider import template_lens_density
 from isetcl.spectrum import check_wavelengths
-
-FOVEAL_DENSITIES = (0.5, 0.5, 0.4)
-"""Optical densities of L, M and S pigments in the fovea. Stockman & Sharpe 2000."""
-
-PHOTON_EFFICIENCY = 2.0 / 3.0
-"""Excitations per photon absorbed. Rodieck 1998, The First Steps in Seeing, p. 472."""
 
 ROD_DENSITY = 0.4
 """Optical density of rods. Lucas et al. 2014, Trends Neurosci 37:1, toolbox."""
@@ -53,7 +54,7 @@ class Observer:
     macular_peak_density
         Density of macular pigment in the fovea at its peak, 458 nm.
     model
-        Where absorbances come from; see `isetcl.cones.pigments.absorbance`.
+        Where absorbances come from; see `isetcl.eye.people.pigments.absorbance`.
     photon_efficiency
         Excitations per absorbed photon.
     rod_density
@@ -142,7 +143,7 @@ class Observer:
         if not fraction > 0:
             raise InvalidInputError(f"segment_fraction must be > 0, got {fraction:g}")
         density = fraction * np.array(self.optical_densities)
-        absorbed = -np.expm1(-np.log(10.0) * density[:, None] * self.absorbances(wavelengths_nm))
+        absorbed = absorptance(density[:, None], self.absorbances(wavelengths_nm))
         return np.asarray(self.photon_efficiency * absorbed)
 
     def rod_efficiency(self, wavelengths_nm: np.ndarray) -> np.ndarray:
