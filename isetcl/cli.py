@@ -12,6 +12,7 @@ import typer
 from isetcl.cli_cones import cones
 from isetcl.cli_eye import eye as eye_command
 from isetcl.cli_eye import mtf
+from isetcl.cli_figures import figures
 from isetcl.cli_render import INTERRUPTED, render
 from isetcl.cli_validate import validate
 from isetcl.errors import InvalidInputError, IsetclError
@@ -127,6 +128,7 @@ app.command()(render)
 app.command()(cones)
 app.command()(eye_command)
 app.command()(mtf)
+app.command()(figures)
 app.add_typer(validate)
 
 

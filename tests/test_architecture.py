@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parent.parent / "isetcl"
 # Imports only go down this list.
 ORDER = (
     {"version"},
-    {"errors", "units", "memory", "output", "matlab", "photons", "spectrum", "data"},
+    {"errors", "units", "memory", "output", "page", "matlab", "photons", "spectrum", "data"},
     {"eye"},
     {"scene"},
     {"device", "kernels"},
@@ -23,7 +23,7 @@ ORDER = (
     {"validation"},
     {"plots"},
     {"figures"},
-    {"report"},
+    {"report", "validation_report"},
     {"distributed"},
     {"cli_scene", "cli_tables"},
     {"cli_mtf"},
