@@ -36,6 +36,11 @@ def write_mat(path: str | Path, variables: dict[str, Any]) -> Path:
                 "hold 2 GiB a variable; take fewer pixels or wavelengths"
             )
     target = Path(path)
+    if not target.parent.is_dir():
+        raise FileError(
+            f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}; choose an "
+            "existing, writable one"
+        )
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp.mat")
     try:
         scipy.io.savemat(temporary, variables, do_compression=True, long_field_names=True)

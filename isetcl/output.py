@@ -8,8 +8,8 @@ from pathlib import Path
 from isetcl.errors import FileError
 
 
-def check_folder(folder: Path) -> None:
-    """Create the output folder; raise FileError, before any work, if it cannot be written."""
+def check_folder(folder: Path, option: str = "--output") -> None:
+    """Create the output folder, named by an option; raise FileError if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".isetcl-{os.getpid()}"
@@ -17,7 +17,7 @@ def check_folder(folder: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise FileError(
-            f"cannot write into folder {str(folder)!r}: {error}; choose another with --output"
+            f"cannot write into folder {str(folder)!r}: {error}; choose another with {option}"
         ) from error
 
 

@@ -217,3 +217,18 @@ def test_instances_beyond_memory_are_refused():
     made = mosaic_of(np.zeros((3, 2)), [0, 1, 2]).excitations(image_of(np.ones((64, 64))))
     with pytest.raises(InvalidInputError, match="GiB"):
         made.instances(1 << 30)
+
+
+@pytest.mark.parametrize(("kind", "words"), [("X", "unknown kind 'X'"), (7, "between 0 and 3")])
+def test_types_that_do_not_exist_are_refused(kind, words):
+    made = mosaic_of(np.zeros((3, 2)), [0, 1, 2]).excitations(image_of(np.ones((64, 64))))
+    with pytest.raises(InvalidInputError, match=words):
+        made.of(kind)
+
+
+def test_results_print_as_a_line():
+    made = mosaic_of(np.zeros((3, 2)), [0, 1, 2]).excitations(image_of(np.ones((64, 64))))
+    assert repr(made).startswith("<Excitations of 3 receptors in 1 frames, 5 ms each, mean ")
+    assert repr(ic.cones.photocurrent(made)) == "<Photocurrent of 3 cones in 1 frames>"
+    gaze = ic.cones.eye_movements(0.02, trials=2)
+    assert repr(gaze) == "<EyeMovements of 2 trials, 4 frames to 0.015 s>"

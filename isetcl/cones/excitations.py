@@ -63,6 +63,13 @@ class Excitations:
             )
         self.dataset = dataset
 
+    def __repr__(self) -> str:
+        frames, receptors = self.mean.shape
+        return (
+            f"<Excitations of {receptors} receptors in {frames} frames, "
+            f"{1e3 * self.integration_time_s:g} ms each, mean {float(self.mean.mean()):.4g}>"
+        )
+
     @property
     def mean(self) -> xarray.DataArray:
         """Mean excitations in one integration time, (frame, receptor)."""
@@ -94,8 +101,17 @@ class Excitations:
         return dict(json.loads(self.dataset.attrs.get("provenance", "{}")))
 
     def of(self, kind: str | int) -> xarray.DataArray:
-        """Means of the receptors of one type, ``"L"``, ``"M"``, ``"S"`` or ``"ROD"``."""
-        number = ReceptorType[kind].value if isinstance(kind, str) else int(kind)
+        """Means of the receptors of one type, ``"L"``, ``"M"``, ``"S"`` or ``"ROD"``; (frame, n).
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such type.
+        """
+        if isinstance(kind, str):
+            number = ReceptorType[check_choice("kind", kind, ReceptorType.__members__)].value
+        else:
+            number = check_count("kind", kind, 0, len(ReceptorType) - 1)
         return self.mean.isel(receptor=np.flatnonzero(self.types == number))
 
     def instances(self, count: int = 1, seed: int = 0) -> xarray.DataArray:
