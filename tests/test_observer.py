@@ -126,7 +126,7 @@ def test_excitations_of_one_lux_are_the_published_ones(name):
 
 
 # Wavelength, nm; density of the lens; log10 absorbance of L, M, S; excitations per photon at the
-# retina (behind the macular pigment) and at the cornea, as evaluated elsewhere from the same tables.
+# retina (behind the macular pigment) and at the cornea, as evaluated elsewhere from these tables.
 TABLE = np.array([
     [390, 2.5122, -0.9338, -1.0479, -0.1338, 0.0754, 0.0589, 0.2955, 0.0002, 0.0002, 0.0009],
     [400, 1.7649, -0.8835, -0.9707, -0.0499, 0.0764, 0.0633, 0.3061, 0.0013, 0.0011, 0.0053],
