@@ -46,10 +46,10 @@ class Excitations:
     ----------
     dataset : xarray.Dataset
         ``mean`` (frame, receptor): mean excitations in one integration time; ``standard_error``
-        likewise, where the scene was rendered at the receptors. Coordinates by
-        receptor: ``x_deg``, ``y_deg``, ``aperture_deg`` (diameter) and ``type`` (0 L, 1 M, 2 S, 3
-        rod); by frame: ``time_s`` and where the fovea looks, ``gaze_x_deg`` and ``gaze_y_deg``.
-        Attributes: ``integration_time_s``, ``seed``, ``provenance`` (JSON).
+        likewise, where the scene was rendered at the receptors. Coordinates by receptor:
+        ``x_deg``, ``y_deg``, ``eccentricity_deg``, ``aperture_deg`` (diameter) and ``type`` (0 L,
+        1 M, 2 S, 3 rod); by frame: ``time_s`` and where the fovea looks, ``gaze_x_deg`` and
+        ``gaze_y_deg``. Attributes: ``integration_time_s``, ``seed``, ``provenance`` (JSON).
     """
 
     def __init__(self, dataset: xarray.Dataset) -> None:
@@ -320,6 +320,7 @@ def _labelled(
         coords={
             "x_deg": ("receptor", places[:, 0], {"units": "deg"}),
             "y_deg": ("receptor", places[:, 1], {"units": "deg"}),
+            "eccentricity_deg": ("receptor", mosaic.eccentricity_deg, {"units": "deg"}),
             "type": ("receptor", mosaic.types),
             "aperture_deg": ("receptor", mosaic.aperture_deg, {"units": "deg"}),
             "time_s": ("frame", step_s * np.arange(len(gaze)), {"units": "s"}),

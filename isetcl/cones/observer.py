@@ -8,7 +8,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from isetcl.cones.pigments import CONE_PEAK_NM, absorbance, field_size_densities
 from isetcl.errors import InvalidInputError, check_between, check_choice, check_finite
 from isetcl.eye.people.macular_pigment import (
     MACULAR_PEAK_DENSITY,
@@ -19,14 +18,16 @@ from isetcl.eye.people.macular_pigment import (
     standard_lens_density,
 )
 from isetcl.eye.people.ocular_media import ocular_density
+from isetcl.eye.people.pigments import (
+    CONE_PEAK_NM,
+    FOVEAL_DENSITIES,
+    PHOTON_EFFICIENCY,
+    absorbance,
+    absorptance,
+    field_size_densities,
+)
 from isetcl.eye.people.stockman_rider import template_lens_density
 from isetcl.spectrum import check_wavelengths
-
-FOVEAL_DENSITIES = (0.5, 0.5, 0.4)
-"""Optical densities of L, M and S pigments in the fovea. Stockman & Sharpe 2000."""
-
-PHOTON_EFFICIENCY = 2.0 / 3.0
-"""Excitations per photon absorbed. Rodieck 1998, The First Steps in Seeing, p. 472."""
 
 ROD_DENSITY = 0.4
 """Optical density of rods. Lucas et al. 2014, Trends Neurosci 37:1, toolbox."""
@@ -53,7 +54,7 @@ class Observer:
     macular_peak_density
         Density of macular pigment in the fovea at its peak, 458 nm.
     model
-        Where absorbances come from; see `isetcl.cones.pigments.absorbance`.
+        Where absorbances come from; see `isetcl.eye.people.pigments.absorbance`.
     photon_efficiency
         Excitations per absorbed photon.
     rod_density
@@ -142,7 +143,7 @@ class Observer:
         if not fraction > 0:
             raise InvalidInputError(f"segment_fraction must be > 0, got {fraction:g}")
         density = fraction * np.array(self.optical_densities)
-        absorbed = -np.expm1(-np.log(10.0) * density[:, None] * self.absorbances(wavelengths_nm))
+        absorbed = absorptance(density[:, None], self.absorbances(wavelengths_nm))
         return np.asarray(self.photon_efficiency * absorbed)
 
     def rod_efficiency(self, wavelengths_nm: np.ndarray) -> np.ndarray:
@@ -177,7 +178,7 @@ class Observer:
     def fundamentals(self, wavelengths_nm: np.ndarray, age_years: float = 32.0) -> np.ndarray:
         """Cone fundamentals at the cornea, in energy, each with a peak of 1 on the grid, (3, n).
 
-        The lens is that of CIE 170-1 at an age of 20 to 80 years (from 400 nm; below it the
+        The lens is that of CIE 170-1 at an age of 20 to 80 years (from 390 nm; below it the
         template of Stockman & Rider 2023 scaled to it). Compare: CIE 170-1:2006; colour-science's
         Stockman & Sharpe fundamentals.
         """
@@ -200,12 +201,15 @@ class Observer:
 
 
 def _lens(grid: np.ndarray, age_years: float) -> np.ndarray:
-    """Density of the lens of CIE 170-1 by age, with the template's shape below 400 nm."""
+    """Density of the lens of CIE 170-1 by age: its table from 390 nm, below it the template."""
+    standard = standard_lens_density(grid)
+    if grid[0] < 390.0:
+        ends = np.array([390.0])
+        shape = template_lens_density(np.minimum(grid, 390.0)) / template_lens_density(ends)
+        standard = standard * shape
+    # What age adds is tabulated from 400 nm; at shorter waves the lens grows as it does there.
     nodes = np.unique(np.maximum(grid, 400.0))
-    ages = [ocular_density(age, nodes, "cie_170") for age in (age_years, _STANDARD_AGE)]
-    # The table of every nm is the standard's; what age adds comes from that of every 5 nm.
-    density = standard_lens_density(nodes) + ages[0] - ages[1]
-    short = template_lens_density(np.minimum(grid, 400.0)) / template_lens_density(
-        np.array([400.0])
-    )
-    return np.asarray(np.interp(grid, nodes, density) * np.where(grid < 400.0, short, 1.0))
+    aged, base = (ocular_density(age, nodes, "cie_170") for age in (age_years, _STANDARD_AGE))
+    added = np.interp(grid, nodes, aged - base)
+    from_400 = added[0] / base[0] if nodes[0] == 400.0 else 0.0
+    return np.asarray(np.where(grid < 400.0, standard * (1.0 + from_400), standard + added))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from isetcl.render.accumulate import TileAccumulator
 from isetcl.render.direct import DirectPipeline, tiles
 from isetcl.render.paths import PathPipeline
 from isetcl.render.plan import Plan
+from isetcl.retina.cone_noise import ConeNoise
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.image import RetinalImage, relative_error
 from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid
@@ -29,6 +31,7 @@ class Film:
         prepared: Plan,
         pipeline: DirectPipeline | PathPipeline,
         seed: int,
+        cone_noise: ConeNoise | None = None,
     ) -> None:
         self._keeps = prepared.config.places != "none"
         self._plan = prepared
@@ -41,6 +44,11 @@ class Film:
             weights = np.ones(len(weights))
         rows = np.eye(expansion.shape[1]) if prepared.config.n_basis == 1 else expansion
         self._tracked = np.vstack([rows, weights @ expansion])
+        self._photopic = len(self._tracked) - 1
+        self._cone_noise = cone_noise
+        if cone_noise is not None:
+            cones = cone_noise.weights(prepared.wavelengths_nm) @ expansion
+            self._tracked = np.vstack([self._tracked, cones])
         self._next_replicate = 0
         self._accumulators = self._empty()
         self._pilot: list[TileAccumulator] | None = None
@@ -111,18 +119,30 @@ class Film:
         return elapsed * columns * rows / (tile.columns * tile.rows)
 
     def error(self) -> float:
-        """Relative standard error after the last whole replicate; NaN before two of them."""
+        """Error after the last whole replicate; NaN before two of them.
+
+        The relative standard error, or, with a `ConeNoise`, the error in its units.
+        """
         if self._error_at != self.replicates:
             self._error_at = self.replicates
             self._error = self._relative_error() if self.replicates >= 2 else math.nan
         return self._error
 
     def _relative_error(self) -> float:
+        if self._cone_noise is not None:
+            return self._cone_noise.error(*self._known(slice(self._photopic + 1, None)))
+        value, error = self._known(slice(self._photopic, self._photopic + 1))
+        return relative_error(value[0], error[0])
+
+    def _known(self, quantities: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Tracked quantities of all pixels and their standard errors, both (quantities, pixels)."""
         values, errors = [], []
         for accumulator in self._accumulators:
-            values.append(np.tensordot(self._tracked[-1], accumulator.film(), axes=1).ravel())
-            errors.append(accumulator.standard_error()[-1].ravel())
-        return relative_error(np.concatenate(values), np.concatenate(errors))
+            tracked = self._tracked[quantities]
+            value = np.tensordot(tracked, accumulator.film(), axes=1)
+            values.append(value.reshape(len(tracked), -1))
+            errors.append(accumulator.standard_error()[quantities].reshape(len(tracked), -1))
+        return np.concatenate(values, axis=1), np.concatenate(errors, axis=1)
 
     def image(
         self, details: dict[str, Any], surfaces: dict[str, Any] | None = None
@@ -146,12 +166,14 @@ class Film:
             window = (slice(None), *tile.window)
             irradiance[window] = np.tensordot(prepared.expansion, accumulator.film(), axes=1)
             error = accumulator.standard_error()
-            photopic_error[tile.window] = error[-1]
+            photopic_error[tile.window] = error[self._photopic]
             if prepared.config.n_basis == 1:
                 # One film channel a wavelength: its error scales with the spectrum.
-                standard_error[window] = np.tensordot(prepared.expansion, error[:-1], axes=1)
+                standard_error[window] = np.tensordot(
+                    prepared.expansion, error[: self._photopic], axes=1
+                )
             else:
-                standard_error[window] = error[:-1]
+                standard_error[window] = error[: self._photopic]
         return RetinalImage.from_arrays(
             prepared.grid,
             prepared.wavelengths_nm,
@@ -202,7 +224,13 @@ class Film:
             "precision": prepared.config.precision,
             "sampler": prepared.config.sampler,
             "tile": list(prepared.tile),
+            **self._cone_noise_reached(),
             **prepared.bends.describe(),
             "media": None if prepared.media is None else prepared.media.describe(),
             **prepared.device.describe(),
         }
+
+    def _cone_noise_reached(self) -> dict[str, Any]:
+        if self._cone_noise is None:
+            return {}
+        return {"cone_noise": asdict(self._cone_noise) | {"reached": self.error()}}

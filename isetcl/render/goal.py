@@ -9,9 +9,11 @@ from collections.abc import Iterator
 from isetcl.errors import InvalidInputError, check_count, check_positive
 from isetcl.render import schedule
 from isetcl.render.film import Film
+from isetcl.retina.cone_noise import ConeNoise
 
 DEFAULT_SPP = 256
 MAX_SPP = 1 << 22
+_FINE_ERROR = 1e-3
 
 
 def error_of_samples(spp: int) -> float:
@@ -29,7 +31,7 @@ class Goal:
         self,
         spp: int | None,
         time_budget_s: float | None,
-        target_error: float | None,
+        target_error: float | str | ConeNoise | None,
         start: float,
     ) -> None:
         if spp is not None and (time_budget_s is not None or target_error is not None):
@@ -44,14 +46,22 @@ class Goal:
         if time_budget_s is not None:
             self._deadline = start + check_positive("time_budget_s", time_budget_s, "s")
         self._target = 0.0
-        if target_error is not None:
+        self.cone_noise: ConeNoise | None = None
+        if isinstance(target_error, str):
+            target_error = ConeNoise.parse(target_error)
+        if isinstance(target_error, ConeNoise):
+            self.cone_noise, self._target = target_error, target_error.ratio
+        elif target_error is not None:
             self._target = check_positive("target_error", target_error)
 
     def expected_error(self) -> float:
         """The relative error to expect, for decisions that trade it against speed."""
+        if self.cone_noise is not None:
+            # How bright the image will be, and with it what the ratio means, is not known yet.
+            return _FINE_ERROR
         if self._target > 0:
             return self._target
-        return error_of_samples(self._spp) if self._spp else 1e-3
+        return error_of_samples(self._spp) if self._spp else _FINE_ERROR
 
     def work(self, film: Film) -> Iterator[float]:
         """Add replicates until the goal is met; yields the fraction done."""

@@ -24,6 +24,7 @@ from isetcl.render.paths import PathPipeline
 from isetcl.render.pinhole import look_at
 from isetcl.render.plan import DEFAULT_BOUNCES, check_memory, plan
 from isetcl.render.progress import Progress, ProgressCallback, display
+from isetcl.retina.cone_noise import ConeNoise
 from isetcl.retina.grid import Centre
 from isetcl.retina.image import RetinalImage
 from isetcl.retina.places import HasPlaces, IrradianceAtPlaces, Places
@@ -90,7 +91,7 @@ def render(
     centre_deg: Centre = (0.0, 0.0),
     spp: int | None = None,
     time_budget_s: float | None = None,
-    target_error: float | None = None,
+    target_error: float | str | ConeNoise | None = None,
     wavelengths_nm: np.ndarray | None = None,
     bands: int | Literal["auto"] = "auto",
     precision: Precision | Literal["auto"] = "auto",
@@ -131,7 +132,9 @@ def render(
     target_error
         Stop when the relative standard error of the image has fallen to this: photopic, root mean
         square over lit pixels divided by their mean. ``bands="auto"`` takes as many bands as keep
-        their part of the error small beside it; a number of bands is taken as it is.
+        their part of the error small beside it; a number of bands is taken as it is. Or
+        ``"cone_noise:0.1"``: a tenth of the Poisson noise of a foveal cone within 5 ms, root mean
+        square over pixels; see `ConeNoise`, which may be passed itself.
     wavelengths_nm
         Ascending wavelengths; default 400 to 700 in steps of 10 nm.
     bands
@@ -202,10 +205,12 @@ def render(
         places=places,
     )
     check_memory(prepared)
+    if goal.cone_noise is not None:
+        goal.cone_noise.weights(prepared.wavelengths_nm)
     transferred_s = prepared.device.transfer_s
     is_direct = isinstance(prepared.config, KernelConfig)
     pipeline = DirectPipeline(prepared) if is_direct else PathPipeline(prepared)
-    film = Film(prepared, pipeline, seed)
+    film = Film(prepared, pipeline, seed, goal.cone_noise)
     is_complete = True
     with display(progress, f"tracing {scene.name}") as show, DeferredInterrupt() as interrupt:
         try:

@@ -16,6 +16,12 @@ from isetcl.eye.people.macular_pigment import (
     cie_170_table,
 )
 
+FOVEAL_DENSITIES = (0.5, 0.5, 0.4)
+"""Optical densities of L, M and S pigments in the fovea. Stockman & Sharpe 2000."""
+
+PHOTON_EFFICIENCY = 2.0 / 3.0
+"""Excitations per photon absorbed. Rodieck 1998, The First Steps in Seeing, p. 472."""
+
 # Published peaks of the cones, nm, which a nomogram's shift counts from: Stockman & Rider 2023.
 CONE_PEAK_NM = {"L": 551.9, "M": 529.8, "S": 416.9}
 
@@ -64,6 +70,11 @@ def _extended(at: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> np.ndarr
     fall = (values[30] - values[0]) / (nodes[30] - nodes[0])
     found += np.maximum(at - nodes[-1], 0.0) * rise
     return np.asarray(found + np.minimum(at - nodes[0], 0.0) * fall)
+
+
+def absorptance(density: np.ndarray | float, absorbance: np.ndarray) -> np.ndarray:
+    """Share of photons that a pigment of a peak density absorbs: 1 - 10^(-density absorbance)."""
+    return np.asarray(-np.expm1(-np.log(10.0) * density * absorbance))
 
 
 def field_size_densities(field_deg: float) -> tuple[tuple[float, float, float], float]:
