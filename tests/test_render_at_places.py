@@ -6,7 +6,7 @@ from scipy.special import erf
 
 import isetcl as ic
 from isetcl.cones import ConeMosaic
-from isetcl.errors import InvalidInputError
+from isetcl.errors import InvalidInputError, OutOfMemoryError
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.plan import plan
 from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid, Places, mean_and_error
@@ -198,6 +198,13 @@ def test_errors_of_weighted_sums_count_what_wavelengths_share_once():
     expected = shared[:, 0].std(axis=0, ddof=1) / np.sqrt(6)
     np.testing.assert_allclose(light.standard_error.values[0], expected, rtol=1e-12)
     assert np.isnan(mean_and_error(shared[:1], np.array([8]))[1]).all()
+
+
+def test_a_list_that_does_not_fit_is_refused_beforehand(monkeypatch):
+    monkeypatch.setattr("isetcl.memory.available_bytes", lambda: 10_000_000)
+    many = Places(np.zeros((10_000, 2)), np.full(10_000, 2.0))
+    with pytest.raises(OutOfMemoryError, match=r"10000 apertures and 31 wavelengths needs .* GiB"):
+        ic.render(EDGE, EYE, at=many)
 
 
 def test_what_cannot_be_rendered_at_is_refused(cones, at_the_cones):
