@@ -116,7 +116,7 @@ def error_against_time(is_small: bool, rounds: int) -> dict[str, Any]:
     found = {}
     for name, (scene, mosaic, middle, field) in cases(is_small).items():
         reference = mosaic.excitations(
-            ic.render(scene, EYE, at=mosaic, spp=2048 if is_small else 1 << 16, seed=77)
+            ic.render(scene, EYE, at=mosaic, spp=2048 if is_small else 1 << 15, seed=77)
         ).mean.values[0]
         finest = 1e3 * float(mosaic.aperture_deg.min())
         ways: dict[str, list[dict[str, float]]] = {}
@@ -203,7 +203,7 @@ def main() -> None:
     """Run, print and save."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--small", action="store_true", help="a quick look; nothing is saved")
-    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--rounds", type=int, default=3)
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     before = machine()
