@@ -126,6 +126,31 @@ def test_cones_agree_with_the_image_route_within_their_error(cones, at_the_cones
 
 
 @pytest.mark.slow
+def test_images_of_finer_pixels_come_nearer_to_the_cones_off_the_axis():
+    # Pixels smear apertures by the square of their width: from one to four in an aperture the
+    # difference must fall 8 times or more (16 without noise), at depth edges 15 deg from the axis.
+    scene, mosaic = ic.scenes.two_planes(0.5, 2.0), ic.cones.mosaic(0.4, (12.0, 9.0))
+    options = {"wavelengths_nm": WAVES[[0, 2]], "bands": 2}
+    light = ic.render(scene, EYE, at=mosaic, spp=4096, **options)
+    wanted = mosaic.excitations(light).mean.values[0]
+    differences = []
+    for pixels in (14, 56):
+        image = ic.render(
+            scene,
+            EYE,
+            fov_deg=0.44,
+            resolution=pixels,
+            centre_deg=(12.0, 9.0),
+            spp=4096 * 14**2 // pixels**2 * 2,
+            **options,
+        )
+        found = mosaic.excitations(image).mean.values[0]
+        differences.append(np.sqrt(np.mean((found - wanted) ** 2)) / wanted.mean())
+    assert differences[1] < differences[0] / 8
+    assert differences[1] < 0.01
+
+
+@pytest.mark.slow
 def test_the_standard_error_is_the_spread_of_other_seeds(cones):
     # Eight seeds: the variance of 170 cones has over 1000 degrees of freedom together.
     runs = [
