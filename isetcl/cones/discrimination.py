@@ -154,6 +154,10 @@ def discriminate(first: Excitations, second: Excitations) -> Discrimination:
     The observer has the log-likelihood ratio normally distributed, which needs many receptors or
     many excitations. Source: Geisler 1984, J Opt Soc Am A 1:775; two intervals: Phi(d' / sqrt(2)).
 
+    The noise of renders counts as a difference between stimuli: two images of one scene, each with
+    an error of r times the cones' noise (``target_error="cone_noise:r"``), have d' = r sqrt(2 n) in
+    n receptors and frames whose errors are independent. Choose r so that this is small beside d'.
+
     Raises
     ------
     InvalidInputError
@@ -209,8 +213,7 @@ def discrimination_threshold(
     """The level at which an ideal observer is right in so many per cent of two-interval choices.
 
     Levels are halved on a logarithmic scale, so d' should grow with the level. Each takes one call
-    of `stimulus`, which may render; noise of a render counts as a difference between stimuli, so
-    render to a fraction of the cones' noise, ``target_error="cone_noise:0.1"``.
+    of `stimulus`, which may render; see `discriminate` about the noise of renders.
 
     Parameters
     ----------
