@@ -19,6 +19,7 @@ from common import interleave, machine, save, show, versions
 
 import isetcl as ic
 from isetcl.cones.density import MERIDIANS, ConeDensity
+from isetcl.cones.generate import DISORDER
 from isetcl.cones.lattice import ROUNDS, STEPS, Sector, rings
 from isetcl.cones.quality import meridian_density
 from isetcl.cones.retinal_scale import RetinalScale
@@ -93,7 +94,7 @@ def comparison(rounds: int) -> dict[str, Any]:
     is_fixed = np.hypot(*start.T) > RADIUS_MM - 3.0 * spacing
     shake = 0.5 * spacing[:, None] * random.standard_normal(start.shape)
     start += np.where(is_fixed[:, None], 0.0, shake)
-    factor = np.exp(0.16 * random.standard_normal(len(start)))
+    factor = np.exp(DISORDER * random.standard_normal(len(start)))
 
     def size_of(places: np.ndarray) -> np.ndarray:
         return factor * curcio.spacing_mm(places)

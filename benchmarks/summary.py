@@ -389,6 +389,51 @@ library, for example Debian's `libllvm19`; plain C needs gcc); a peer that is mi
 This page is written by `python benchmarks/summary.py` from the JSON files in `results/`."""
 
 
+def work_precision() -> str:
+    record = load("work_precision")
+    points = [
+        (
+            p["method"],
+            f"{p['knob']} {p['value']:g}",
+            p["time_s"],
+            *(
+                None if p[name] is None else 100.0 * p[name]
+                for name in ("rmse", "monte_carlo", "bias", "rounding", "discretisation")
+            ),
+            p["spread"],
+        )
+        for p in record["points"]
+    ]
+    goals = [
+        (
+            m["method"],
+            *(
+                t["time_to_how"]
+                if t["time_to_s"] in (None, "infinite")
+                else f"{number(t['time_to_s'])} s, {t['time_to_how']}"
+                for t in m["targets"]
+            ),
+        )
+        for m in record["methods"]
+    ]
+    targets = [f"to {100 * t['target']:g} %" for t in record["methods"][0]["targets"]]
+    clock = {"wall": "wall clock", "cpu": "processor time"}[record["provenance"]["time"]]
+    head = ("method", "knob", f"s ({clock})", "rms error (%)", "noise (%)", "bias (%)")
+    return "\n\n".join(
+        [
+            "## Error against run time\n\n" + where(record),
+            f"Figure 12 of the paper by ray tracing and by PSF methods, relative to the mean of an "
+            f"independent reference ({record['provenance']['reference']}); "
+            f"{record['provenance']['replicates']} replicates. Rounding is the difference of the "
+            "same samples in both precisions, discretisation that of fewer bands or coarser views.",
+            "![error against run time](results/work_precision.png)",
+            table((*head, "rounding (%)", "discretisation (%)", "spread"), points),
+            table(("time", *targets), goals),
+            *record["notes"],
+        ]
+    )
+
+
 def page() -> str:
     sections = (
         trace_rays,
@@ -405,6 +450,7 @@ def page() -> str:
         psf_baseline,
         paper_scene,
         convergence,
+        *([work_precision] if (HERE / "results" / "work_precision.json").exists() else []),
     )
     return "\n\n".join([HEAD, *(section() for section in sections)]) + "\n"
 

@@ -1,4 +1,4 @@
-"""The command line: `isetcl compare`, `render`, `eye`, `mtf`, `validate`, `devices`, `info`."""
+"""The command line: `isetcl compare`, `render`, `cones`, `eye`, `mtf`, `validate` and others."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from isetcl.cli_cones import cones
 from isetcl.cli_eye import eye as eye_command
 from isetcl.cli_eye import mtf
+from isetcl.cli_figures import figures
 from isetcl.cli_render import INTERRUPTED, render
 from isetcl.cli_validate import validate
 from isetcl.errors import InvalidInputError, IsetclError
@@ -123,8 +125,10 @@ def compare(
 
 
 app.command()(render)
+app.command()(cones)
 app.command()(eye_command)
 app.command()(mtf)
+app.command()(figures)
 app.add_typer(validate)
 
 

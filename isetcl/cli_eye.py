@@ -16,7 +16,7 @@ import numpy as np
 import typer
 
 from isetcl import cli_scene
-from isetcl.errors import InvalidInputError, check_positive
+from isetcl.errors import InvalidInputError, check_count, check_positive
 
 if TYPE_CHECKING:
     from isetcl.eye.aberrations.mtf_table import MtfTable
@@ -115,6 +115,7 @@ def mtf(
         raise InvalidInputError(f"--frequency must be >= 0 cycles/degree, got {frequency!r}")
     check_positive("--wavelength", wavelength, "nm")
     check_positive("--step", step, "nm")
+    check_count("--spp", spp, 2)
     model, object_distance = _model(_only(name, eye_name), pupil, accommodation, distance)
     _check_objects(model, [field], wavelength, object_distance)
     people = _people(plot, population)

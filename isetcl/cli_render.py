@@ -109,8 +109,8 @@ def render(
     from isetcl.eye.people.scatter import ScatterModel
 
     try:
-        with _warnings_as_notes():
-            goal = _goal(spp, error, time)
+        with as_notes():
+            goal = goal_of(spp, error, time)
             focus, columns_and_rows = cli_scene.vergence(accommodation), cli_scene.pixels(size)
             loaded = cli_scene.read_scene(scene, allow_outside=allow_outside)
             seen = cli_scene.lit(cli_scene.placed(loaded, eye_at, look_at), sky)
@@ -134,7 +134,7 @@ def render(
     _report(image, seen, loaded, written)
 
 
-def _goal(spp: int | None, error: float | None, time: float | None) -> dict[str, Any]:
+def goal_of(spp: int | None, error: float | None, time: float | None) -> dict[str, Any]:
     """When to stop, as arguments of `isetcl.render`."""
     from isetcl.render.goal import Goal
 
@@ -214,7 +214,7 @@ def _report(image: RetinalImage, seen: Scene, loaded: Scene, written: list[Path]
 
 
 @contextmanager
-def _warnings_as_notes() -> Iterator[None]:
+def as_notes() -> Iterator[None]:
     """Warnings as lines for a reader of the terminal, without places in the code."""
     with warnings.catch_warnings():
         warnings.showwarning = lambda message, *_, **__: cli_scene.note(str(message))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from isetcl.errors import FileError, check_choice
+from isetcl.errors import FileError, InvalidInputError, check_choice
 
 if TYPE_CHECKING:
     from isetcl.device.layout import Precision
@@ -17,15 +17,73 @@ if TYPE_CHECKING:
 validate = typer.Typer(
     name="validate",
     help="Measure what isetcl gets right, on the devices present.",
-    no_args_is_help=True,
 )
 
 FAILED = 1
 
 
-@validate.callback()
-def _validate() -> None:
-    """Measure what isetcl gets right, on the devices present."""
+@validate.callback(invoke_without_command=True)
+def _validate(
+    context: typer.Context,
+    report: Annotated[
+        Path | None,
+        typer.Option(help="Write report.html and report.json with everything into this folder."),
+    ] = None,
+    part: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Only this part of the report: stability, mtf, occlusion, work-precision or "
+            "figures; may be given again."
+        ),
+    ] = None,
+    draft: Annotated[
+        bool, typer.Option("--draft", help="Few samples: a report of minutes.")
+    ] = False,
+    device: Annotated[str | None, typer.Option(help="'platform:device' or part of a name.")] = None,
+) -> None:
+    """Measure what isetcl gets right, on the devices present; exit status 1 if something fails."""
+    if context.invoked_subcommand is not None:
+        if report is not None or part or draft or device is not None:
+            raise InvalidInputError(
+                f"options of the report stand without a command; leave out "
+                f"{context.invoked_subcommand!r}, or put its own options behind it"
+            )
+        return
+    if report is None:
+        typer.echo(context.get_help())
+        raise typer.Exit(2)
+    _write_report(report, part, draft, device)
+
+
+def _write_report(
+    folder: Path, parts: list[str] | None, is_draft: bool, device: str | None
+) -> None:
+    """Write the report with a progress bar, and say what failed."""
+    import sys
+
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from isetcl.validation_report import write_validation_report
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        found = write_validation_report(
+            folder,
+            parts=parts or None,
+            is_draft=is_draft,
+            device=device,
+            command=" ".join(["isetcl", *sys.argv[1:]]),
+            on_step=lambda what, done: bar.update(task, description=what, completed=done),
+        )
+    console = Console()
+    for path in found.files:
+        console.print(str(path), highlight=False, soft_wrap=True)
+    for name, failures in found.failures.items():
+        for words in failures:
+            console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
+    if found.failures:
+        raise typer.Exit(FAILED)
 
 
 @validate.command()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import html
 import io
 import json
 import os
@@ -17,6 +15,7 @@ import numpy as np
 
 from isetcl import plots
 from isetcl.output import check_folder, write_file
+from isetcl.page import Block, Listing, Picture, Table, Text, page, png_of
 from isetcl.validation.comparison import Comparison
 from isetcl.version import __version__
 
@@ -54,9 +53,7 @@ def write_report(
     if comparison.trials:
         figures["error_against_time"] = plots.error_against_time(comparison.trials)
     for name, figure in figures.items():
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=120, bbox_inches="tight")
-        pictures[name] = buffer.getvalue()
+        pictures[name] = png_of(figure)
         written.append(write_file(folder / f"{name}.png", pictures[name]))
     record = report_record(comparison, command)
     text = json.dumps(record, indent=1, allow_nan=False)
@@ -135,24 +132,10 @@ def png(pixels: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #222; max-width: 1180px; margin: 2em auto;
-  padding: 0 1em; }
-h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.2em; margin-top: 2em; }
-img { max-width: 100%; height: auto; } figure { margin: 1em 0; }
-figcaption { color: #555; font-size: 0.92em; }
-table { border-collapse: collapse; } th, td { padding: 0.3em 0.9em; text-align: right;
-  border-bottom: 1px solid #ddd; } th:first-child, td:first-child { text-align: left; }
-th { font-weight: 600; } pre { background: #f6f6f6; padding: 0.8em; overflow-x: auto;
-  font-size: 0.82em; } .lead { color: #444; }
-.wide { overflow-x: auto; }
-"""
-
-
 _OUTSIDE = (
-    "<p>Away from depth edges the methods differ from ray tracing because one PSF, that of the "
+    "Away from depth edges the methods differ from ray tracing because one PSF, that of the "
     "middle of the image, serves the whole of it, while the eye's own PSF changes over the field "
-    "(coma, and colours that part).</p>"
+    "(coma, and colours that part)."
 )
 _PROFILES = (
     "Illuminance, and irradiance at three wavelengths, along a line across the depth edge. Shaded: "
@@ -162,18 +145,12 @@ _PROFILES = (
 
 def _page(comparison: Comparison, record: dict[str, Any], pictures: dict[str, bytes]) -> str:
     """The self-contained HTML report."""
-    content = "".join(
-        f"<h2>{html.escape(title)}</h2>{part}"
-        for title, part in _sections(comparison, record, pictures)
-    )
-    scene = html.escape(record["reference"]["scene"])
-    return (
-        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>isetcl: {scene}</title><style>{_STYLE}</style></head>"
-        f"<body><h1>One retinal image, ray-traced and by PSF convolution</h1>"
-        f'<p class="lead">{html.escape(_lead(record))}</p>{content}'
-        f'<p class="lead">isetcl {__version__}; all numbers are in report.json.</p></body></html>'
+    return page(
+        f"isetcl: {record['reference']['scene']}",
+        "One retinal image, ray-traced and by PSF convolution",
+        _lead(record),
+        _sections(comparison, record, pictures),
+        closing=f"isetcl {__version__}; all numbers are in report.json.",
     )
 
 
@@ -195,60 +172,43 @@ def _lead(record: dict[str, Any]) -> str:
 
 def _sections(
     comparison: Comparison, record: dict[str, Any], pictures: dict[str, bytes]
-) -> list[tuple[str, str]]:
+) -> list[tuple[str, list[Block]]]:
     """Headings of the report and what stands under them."""
-
-    def figure(name: str, caption: str) -> str:
-        data = base64.b64encode(pictures[name]).decode()
-        return (
-            f'<figure><img alt="{html.escape(caption)}" src="data:image/png;base64,{data}">'
-            f"<figcaption>{html.escape(caption)}</figcaption></figure>"
-        )
-
-    sections = []
+    sections: list[tuple[str, list[Block]]] = []
     if not comparison.is_complete:
-        note = "<p>Ctrl-C ended this comparison early; it shows what was finished.</p>"
-        sections.append(("Interrupted", note))
-    sections.append(("Retinal images", figure("images", "All in the same exposure.")))
+        note = "Ctrl-C ended this comparison early; it shows what was finished."
+        sections.append(("Interrupted", [Text(note)]))
+    images = Picture(pictures["images"], "All in the same exposure.")
+    sections.append(("Retinal images", [images]))
     if comparison.verdicts:
-        text = "; ".join(html.escape(text) for text in comparison.verdicts.values())
-        sections.append(("Predicted before a ray was traced", f"<p>{text}.</p>"))
+        text = "; ".join(comparison.verdicts.values())
+        sections.append(("Predicted before a ray was traced", [Text(f"{text}.")]))
     if comparison.errors:
-        differences = "".join(
-            figure(
-                f"difference_{name}",
+        differences: list[Block] = [
+            Picture(
+                pictures[f"difference_{name}"],
                 f"{plots.method_label(name)}. Solid: depth edge; dotted: borders of the strip "
                 "within a |D1 - D2| of it (a: radius of the entrance pupil, D: vergences).",
             )
             for name in comparison.errors
-        )
+        ]
         sections += [
-            ("Where the PSF methods differ from ray tracing", differences + _OUTSIDE),
-            ("Across the depth edge", figure("profiles", _PROFILES)),
+            ("Where the PSF methods differ from ray tracing", [*differences, Text(_OUTSIDE)]),
+            ("Across the depth edge", [Picture(pictures["profiles"], _PROFILES)]),
         ]
     if comparison.trials:
         caption = (
             f"Kernels built before ({record['build_s']:.1f} s to the first image). The reference "
             f"has {record['reference']['samples_per_pixel']} samples, another seed."
         )
-        plot = figure("error_against_time", caption)
-        sections.append(("Error against run time", plot + _table(comparison)))
+        errors: list[Block] = [
+            Picture(pictures["error_against_time"], caption),
+            Table(TABLE_HEAD, table_rows(comparison)),
+            Text("Errors are photopic, root mean square, in % of the mean illuminance."),
+        ]
+        sections.append(("Error against run time", errors))
     sections += [
-        ("What was compiled, and why", f"<pre>{html.escape(comparison.plan_text)}</pre>"),
-        ("How to repeat it", f"<pre>{html.escape(record['command'])}</pre>"),
+        ("What was compiled, and why", [Listing(comparison.plan_text)]),
+        ("How to repeat it", [Listing(record["command"])]),
     ]
     return sections
-
-
-def _table(comparison: Comparison) -> str:
-    """The trials as an HTML table."""
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in TABLE_HEAD)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>"
-        for row in table_rows(comparison)
-    )
-    return (
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead>'
-        f"<tbody>{body}</tbody></table></div>"
-        "<p>Errors are photopic, root mean square, in % of the mean illuminance.</p>"
-    )

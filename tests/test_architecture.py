@@ -13,7 +13,7 @@ PACKAGE = Path(__file__).parent.parent / "isetcl"
 # Imports only go down this list.
 ORDER = (
     {"version"},
-    {"errors", "units", "memory", "output", "spectrum", "data"},
+    {"errors", "units", "memory", "output", "page", "matlab", "photons", "spectrum", "data"},
     {"eye"},
     {"scene"},
     {"device", "kernels"},
@@ -23,13 +23,13 @@ ORDER = (
     {"validation"},
     {"plots"},
     {"figures"},
-    {"report"},
+    {"report", "validation_report"},
     {"distributed"},
     {"cli_scene", "cli_tables"},
     {"cli_mtf"},
     {"cli_eye", "cli_figures"},
     {"cli_render"},
-    {"cli_validate"},
+    {"cli_cones", "cli_validate"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}

@@ -157,6 +157,11 @@ BAD = [
     (["mtf", "navarro", "--frequency", "5,-1"], "--frequency must be >= 0"),
     (["mtf", "navarro", "--step", "0"], "--step must be > 0 nm"),
     (["mtf", "legrand", "--accommodation", "2"], "--accommodation relaxed"),
+    (["mtf"], "name one eye, as EYE or with --eye"),
+    (["mtf", "navarro", "--eye", "arizona"], "got 'navarro' and 'arizona'"),
+    (["mtf", "navarro", "--population", "some.npz"], "add --plot"),
+    (["mtf", "navarro", "--plot", "--population", "none.npz"], "'none.npz' does not exist"),
+    (["mtf", "navarro", "--plot", "--spp", "1"], "--spp must be >= 2"),
 ]
 
 

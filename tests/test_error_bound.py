@@ -363,9 +363,9 @@ def test_bad_tolerances_are_named():
 # ---- against ray tracing ---------------------------------------------------------------------
 
 
-def judged(scene, eye, *names, pixels=64, spp=2048, diffraction="none", **psfs):
+def judged(scene, eye, *names, pixels=64, spp=2048, diffraction="none", nm=None, **psfs):
     """Absolute error, its standard error from noise, and the bound, by method, of the mean."""
-    where = {"fov_deg": random_planes.FOV_DEG, "resolution": pixels}
+    where = {"fov_deg": random_planes.FOV_DEG, "resolution": pixels, "wavelengths_nm": nm}
     traced, noise = ic.render(
         scene, eye, spp=spp, seed=1, progress=False, diffraction=diffraction, **where
     ).brightness()
@@ -379,7 +379,7 @@ def judged(scene, eye, *names, pixels=64, spp=2048, diffraction="none", **psfs):
     return found
 
 
-def assert_bounded(error, noise, bound):
+def assert_bounded(error, noise, bound, measurable=0.3):
     """At least 95 % below, noise of two standard errors forgiven; the median ratio below 3.
 
     The ratio is over pixels whose error is at least four standard errors, so that it is error.
@@ -387,7 +387,7 @@ def assert_bounded(error, noise, bound):
     assert np.mean(noise) < 0.003
     assert np.mean(error <= bound + 2.0 * noise) >= 0.95
     real = error >= 4.0 * noise
-    assert real.mean() > 0.3
+    assert real.mean() > measurable
     assert 1.0 <= np.median(bound[real] / error[real]) <= 3.0
 
 
@@ -419,12 +419,13 @@ def test_a_mesh_is_bounded():
     ("seed", "options"),
     [
         (9, {"psf": "hurb", "diffraction": "hurb"}),
-        (9, {"field": 3}),
-        (3, {"psf": "disc"}),
-        (9, {"psf": "watson"}),
+        (9, {"field": 3, "nm": ONE}),
+        (3, {"psf": "disc", "nm": ONE}),
+        (9, {"psf": "watson", "nm": ONE}),
     ],
 )
 def test_other_psfs_and_those_that_change_over_the_field_are_bounded(seed, options):
     found = judged(*random_planes.planes(seed), "layered_sum", **options)["layered_sum"]
-    assert_bounded(*found)
+    # PSFs that change over the field err by more than noise at depth edges alone.
+    assert_bounded(*found, measurable=0.15 if "field" in options else 0.3)
     assert np.mean(found[0] <= found[2]) >= 0.95

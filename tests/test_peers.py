@@ -249,8 +249,8 @@ def sky(turn_deg=20.0):
 SCENES = {
     "planes": (planes, {"reflectance": 0.808}, View(samples=64), 1.2e-3),
     "planes, lamp 1 cm up": (planes, {"up_m": 0.01}, View(samples=64), 1.2e-3),
-    "mesh": (mesh, {"reflectance": 0.606}, View(samples=64, bounces=4), 2e-3),
-    "mesh, lamp 1 cm up": (mesh, {"up_m": 0.01}, View(samples=64, bounces=4), 2e-3),
+    "mesh": (mesh, {"reflectance": 0.606}, View(samples=80, bounces=4), 2e-3),
+    "mesh, lamp 1 cm up": (mesh, {"up_m": 0.01}, View(samples=80, bounces=4), 2e-3),
     "metals": (metals, {"roughness": 0.12}, View(samples=64, bounces=3), 5e-3),
     "polished": (polished, {"reflectance": 1.03}, View(samples=64, bounces=3), 5e-3),
     "glasses": (glasses, {"index": 1.53}, View(samples=64, bounces=8), 5e-3),

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 from scipy import stats
-from test_device_functions import PROBES
 
 import isetcl as ic
 from isetcl.device import program
-from isetcl.device.layout import real_dtype
+from isetcl.device.planes import run_on_planes
 from isetcl.render import pack
 from isetcl.render.kernel_config import KernelConfig
 
@@ -15,21 +14,18 @@ from isetcl.render.kernel_config import KernelConfig
 @pytest.fixture(scope="module")
 def numbers(device):
     """Numbers (dimension, sample, stream) of 8 dimensions, 64 samples and 256 streams."""
-    import pyopencl as cl
-
-    config = KernelConfig("single", 16, n_basis=3)
-    defines = config.defines(device) | {"RANDOM_SAMPLES": 1}
-    source = program.assemble(PROBES, defines, pack.declarations(config))
-    kernel = program.kernel(device, source, "probe_sobol")
-    streams, samples = 256, 64
-    places = device.upload(np.arange(streams).astype(np.float32))
-    found = np.empty((8, samples, streams), dtype=np.float32)
-    buffer = device.allocate(samples * streams, real_dtype("single"))
-    for dimension in range(8):
-        arguments = (np.int32(streams), buffer, np.int32(samples), np.int32(dimension))
-        kernel(device.queue, (streams // 16,), (16,), places, *arguments)
-        cl.enqueue_copy(device.queue, found[dimension], buffer)
-    return found.astype(np.float64)
+    config = KernelConfig("single", 16, n_basis=3, sampler="random")
+    source = program.assemble("sequence.cl", config.defines(device), pack.declarations(config))
+    streams, samples = np.arange(256.0), 64
+    return np.array(
+        [
+            run_on_planes(
+                device, "single", source, "sobol_points", streams, samples,
+                np.int32(samples), np.int32(dimension), width=16,
+            )
+            for dimension in range(8)
+        ]
+    )  # fmt: skip
 
 
 def test_random_numbers_are_even(numbers):

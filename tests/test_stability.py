@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from pathlib import Path
 
 import mpmath as mp
 import numpy as np
@@ -47,6 +48,15 @@ def test_all_sixty_cases_are_there_and_more_scenes():
     for c in stability.cases():
         assert all((c.title, c.expected, c.unit))
         assert c.single is not None or c.double is not None
+
+
+def test_the_documentation_has_every_case_and_no_failure():
+    text = (Path(__file__).parent.parent / "docs" / "stability.md").read_text()
+    for c in stability.cases():
+        title = c.title.replace("|", "\\|")
+        assert f"| {c.number} | {title} | {c.expected} | {c.unit} |" in text
+    assert "| fail |" not in text
+    assert "| error |" not in text
 
 
 def test_the_reference_of_50_digits_is_mpmaths():

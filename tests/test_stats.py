@@ -191,6 +191,35 @@ def test_a_sampler_of_the_disc_is_told_from_one_that_leans_inwards(exponent):
     assert result.comparisons == 95
 
 
+def estimate(rng, replicates, bias):
+    """A retinal image's mean and standard error from few replicates, in two channels."""
+    level = 0.2 + np.abs(np.sin(np.arange(32) / 3.0)) * np.ones((2, 32, 32))
+    films = level * (1 + bias) * (1 + 0.1 * rng.standard_normal((replicates, 2, 32, 32)))
+    grey = films.mean(axis=1)
+    variances = (f.var(axis=0, ddof=1) / replicates for f in (films, grey[:, None]))
+    mean, of_mean = next(variances), next(variances)
+    return arms.Estimate(films.mean(axis=0), mean, replicates, grey.mean(axis=0)[None], of_mean)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [2, 4, 8])
+def test_images_known_by_their_standard_errors_only_are_judged_as_said(count, monkeypatch):
+    monkeypatch.setattr(stats, "image_arm", lambda name, image: image)
+    runs, alpha, found = 200, 0.01, {0.0: np.zeros(3), 1.0: np.zeros(3)}
+    for run in range(runs):
+        rng = np.random.default_rng([count, run])
+        other = estimate(rng, count, 0.0)
+        alike = image_test(estimate(rng, count, 0.0), other, 3 * alpha, rounding=0.0)
+        biased = estimate(rng, count, alike.mean.detectable)
+        found[0.0] += [t.p < alpha for t in alike.tests]
+        found[1.0] += [
+            t.p < alpha for t in image_test(biased, other, 3 * alpha, rounding=0.0).tests
+        ]
+    # Two replicates a pixel leave heavy tails, of which Satterthwaite's blocks keep a little.
+    assert np.all(found[0.0] / runs <= most(0.02, runs)), found
+    assert found[1.0][2] / runs == pytest.approx(0.8, abs=0.1)
+
+
 @pytest.mark.slow
 def test_a_density_test_finds_the_error_it_states():
     found, share = 0, np.full(64, 1 / 64)

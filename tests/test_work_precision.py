@@ -231,7 +231,11 @@ def test_methods_take_turns_with_the_same_seeds():
             order.append((self.salt, knob, seed))
             return super().__call__(knob, seed)
 
-    study({"a": Noted(salt=1), "b": Noted(salt=2)}, knobs=(4, 16), replicates=3, seed=8)
+    said = []
+    methods = {"a": Noted(salt=1), "b": Noted(salt=2)}
+    study(methods, knobs=(4, 16), replicates=3, seed=8, on_step=lambda *step: said.append(step))
+    # 4 first images, 12 measurements, 4 looks at kinds of error.
+    assert [fraction for _, fraction in said] == pytest.approx(np.arange(20) / 20)
     once = [(salt, knob) for salt in (1, 2) for knob in (4, 16)]
     assert [(salt, knob) for salt, knob, _ in order] == once * 4
     assert [seed for *_, seed in order] == [8] * 8 + [9] * 4 + [10] * 4
@@ -252,7 +256,9 @@ def test_building_is_not_part_of_the_time():
             self.clock.now += 0.0 if self.calls else 2.0
             return super().__call__(knob, seed)
 
-    data = study({"built": Built()}, knobs=(16, 64)).dataset
+    result = study({"built": Built()}, knobs=(16, 64))
+    assert "first image 2.02 s, 2 s of it to build" in result.table()
+    data = result.dataset
     assert data["first_s"].values == pytest.approx([2.016, 0.064])
     assert data["build_s"].values == pytest.approx([2.0, 0.0], abs=1e-9)
     assert data["time_s"].values == pytest.approx([0.016, 0.064])

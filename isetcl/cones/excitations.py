@@ -30,6 +30,7 @@ from isetcl.retina.image import RetinalImage
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.axes import Axes
 
     from isetcl.device.layout import Precision
 
@@ -43,9 +44,10 @@ class Excitations:
     ----------
     dataset : xarray.Dataset
         ``mean`` (frame, receptor): mean excitations in one integration time. Coordinates by
-        receptor: ``x_deg``, ``y_deg``, ``eccentricity_deg``, ``type`` (0 L, 1 M, 2 S, 3 rod); by
-        frame: ``time_s`` and where the fovea looks, ``gaze_x_deg`` and ``gaze_y_deg``. Attributes:
-        ``integration_time_s``, ``seed``, ``provenance`` (JSON).
+        receptor: ``x_deg``, ``y_deg``, ``eccentricity_deg``, ``aperture_deg`` (diameter) and
+        ``type`` (0 L, 1 M, 2 S, 3 rod); by frame: ``time_s`` and where the fovea looks,
+        ``gaze_x_deg`` and ``gaze_y_deg``. Attributes: ``integration_time_s``, ``seed``,
+        ``provenance`` (JSON).
     """
 
     def __init__(self, dataset: xarray.Dataset) -> None:
@@ -121,6 +123,24 @@ class Excitations:
             coords=dict(self.mean.coords),
             attrs={"long_name": "excitations", "units": "1", "seed": seed},
         )
+
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw the mosaic coloured by excitations; see `excitation_pictures.plot_excitations`."""
+        from isetcl.cones.excitation_pictures import plot_excitations
+
+        return plot_excitations(self, ax, **options)
+
+    def plot_profile(self, ax: Axes | None = None, **options: Any) -> Axes:
+        """Draw excitations along a line; see `excitation_pictures.plot_profile`."""
+        from isetcl.cones.excitation_pictures import plot_profile
+
+        return plot_profile(self, ax, **options)
+
+    def movie(self, path: str | Path, **options: Any) -> Path:
+        """Write the frames as a GIF or MP4; see `excitation_pictures.write_movie`."""
+        from isetcl.cones.excitation_pictures import write_movie
+
+        return write_movie(self, path, **options)
 
     def save(self, path: str | Path) -> Path:
         """Write the means as NetCDF-4; returns the path.
@@ -279,6 +299,7 @@ def _labelled(
             "y_deg": ("receptor", places[:, 1], {"units": "deg"}),
             "eccentricity_deg": ("receptor", mosaic.eccentricity_deg, {"units": "deg"}),
             "type": ("receptor", mosaic.types),
+            "aperture_deg": ("receptor", mosaic.aperture_deg, {"units": "deg"}),
             "time_s": ("frame", step_s * np.arange(len(gaze)), {"units": "s"}),
             "gaze_x_deg": ("frame", gaze[:, 0], {"units": "deg"}),
             "gaze_y_deg": ("frame", gaze[:, 1], {"units": "deg"}),

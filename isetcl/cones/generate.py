@@ -27,12 +27,12 @@ from isetcl.errors import InvalidInputError, check_between, check_choice, check_
 from isetcl.eye.model import Eye
 from isetcl.version import __version__
 
-DISORDER = 0.16
-"""Relative spread of the cones' sizes that makes 52 % of them six-sided.
+DISORDER = 0.18
+"""Relative spread of the cones' sizes that makes half of them six-sided.
 
 Measured at 0.2 to 1.05 mm: 40 to 50 %, fewer farther out (Lombardo, Serrao, Ducoli & Lombardo
 2013); cones missed in the images make it less than it is. So a mosaic is at the regular end of
-what was measured in the parafovea, and more regular than that in the periphery.
+what was measured in the parafovea, and more regular than measured in the periphery.
 """
 
 
@@ -76,8 +76,8 @@ def mosaic(
     s_fraction
         Share of S cones as a function of eccentricity in degrees, instead of that of `ratios`.
     disorder
-        Relative spread of the cones' sizes, 0 to 0.4: 0 is as regular as the density allows (93 %
-        six-sided), the default about as regular as measured.
+        Relative spread of the cones' sizes, 0 to 0.3: 0 is as regular as the density allows (from
+        88 % six-sided in the fovea to 99 % outside), the default about as regular as measured.
     scale
         Degrees to mm of retina: ``"watson2014"``, a number of mm per degree, or an `Eye`, whose
         chief rays are used.
@@ -103,7 +103,7 @@ def mosaic(
     """
     shares = check_ratios(ratios)
     check_between("s_free_radius_deg", s_free_radius_deg, 0.0, 180.0, "deg")
-    check_between("disorder", disorder, 0.0, 0.4)
+    check_between("disorder", disorder, 0.0, 0.3)
     check_choice("aperture", aperture, APERTURE_MODELS)
     check_count("seed", seed, 0)
     field = Field.of(fov_deg, centre_deg, eye, density, scale)

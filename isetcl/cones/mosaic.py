@@ -201,6 +201,15 @@ class ConeMosaic:
         low, high = self.positions_deg.min(axis=0), self.positions_deg.max(axis=0)
         return (float(low[0]), float(low[1])), (float(high[0]), float(high[1]))
 
+    @property
+    def aperture_deg(self) -> np.ndarray:
+        """Diameters of the apertures in the visual field, (n,), degrees, along the radius."""
+        arc = np.hypot(self.positions_mm[:, 0], self.positions_mm[:, 1])
+        # At the fovea itself both are 0: there the scale of the receptors farther out.
+        per_deg = arc.max() / max(float(self.eccentricity_deg.max()), 1e-12)
+        scale = np.where(arc > 0, arc / np.maximum(self.eccentricity_deg, 1e-12), per_deg)
+        return np.asarray(1e-3 * self.aperture_um / np.where(scale > 0, scale, 0.28))
+
     def select(self, which: np.ndarray) -> ConeMosaic:
         """The receptors named by a mask or by their numbers; their sizes stay what they are.
 
@@ -297,6 +306,15 @@ class ConeMosaic:
         from isetcl.cones.files import load_mosaic
 
         return load_mosaic(path)
+
+    def to_isetbio(self, path: str | Path) -> Path:
+        """Write the cones as a file that ISETBio's cMosaic imports; returns the path.
+
+        See `isetcl.cones.isetbio.to_isetbio`.
+        """
+        from isetcl.cones.isetbio import to_isetbio
+
+        return to_isetbio(self, path)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name, one row a receptor."""

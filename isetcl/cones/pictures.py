@@ -21,7 +21,8 @@ COLOURS = {
 }
 """Colours of the types in all pictures."""
 
-_POINTS_FROM = 30000  # receptors: from here on apertures are smaller than a pixel
+MOST_DISCS = 30000
+"""Receptors: with more of them apertures are smaller than a pixel, and middles are drawn."""
 
 
 def plot_mosaic(
@@ -52,12 +53,13 @@ def plot_mosaic(
         if not np.any(own):
             continue
         label = f"{kind.name.lower() if kind is ReceptorType.ROD else kind.name} ({own.sum()})"
-        if len(mosaic) > _POINTS_FROM:
+        if len(mosaic) > MOST_DISCS:
             size = float(np.clip(2e5 / len(mosaic), 0.05, 4.0))
             x, y = places[own].T
             axes.scatter(x, y, s=size, c=COLOURS[kind], lw=0, label=label)
         else:
-            _add_discs(axes, places[own], _diameter(mosaic, units)[own], COLOURS[kind], label)
+            diameter = mosaic.aperture_deg if units == "deg" else 1e-3 * mosaic.aperture_um
+            _add_discs(axes, places[own], diameter[own], COLOURS[kind], label)
     axes.set_aspect("equal")
     low, high = places.min(axis=0), places.max(axis=0)
     margin = 0.02 * float((high - low).max()) or 0.01
@@ -72,17 +74,6 @@ def plot_mosaic(
             if handle is not None and hasattr(handle, "set_sizes"):
                 handle.set_sizes([40.0])
     return axes
-
-
-def _diameter(mosaic: ConeMosaic, units: str) -> np.ndarray:
-    """Diameters of the apertures in the units of the picture."""
-    if units == "mm":
-        return 1e-3 * mosaic.aperture_um
-    arc = np.hypot(mosaic.positions_mm[:, 0], mosaic.positions_mm[:, 1])
-    # At the fovea itself both are 0: there the scale of the receptors farther out.
-    per_deg = arc.max() / max(float(mosaic.eccentricity_deg.max()), 1e-12)
-    scale = np.where(arc > 0, arc / np.maximum(mosaic.eccentricity_deg, 1e-12), per_deg)
-    return np.asarray(1e-3 * mosaic.aperture_um / np.where(scale > 0, scale, 1.0))
 
 
 def _add_discs(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -59,7 +59,7 @@ def redness(image: RetinalImage) -> tuple[np.ndarray, np.ndarray]:
 def draw(folder: Path, quality: Quality) -> FigureResult:
     """The eye accommodated to each of three numerals, and how blurred each of them is."""
     scene = targets.numbers_at_depth()
-    view = {
+    view: dict[str, Any] = {
         "fov_deg": (30.0, 30.0),
         "resolution": quality.pick(96, 240),
         "spp": quality.pick(16, 64),

@@ -33,8 +33,8 @@ _PIXEL_TOLERANCE = 0.6  # of a pixel: blur that is not much larger cannot be tol
 _SMALLEST_PIXELS = 0.3
 _MOST_GROWTH = 8
 _OTF_NODES = 200
-_OTF_RINGS = 20
-_WAVELENGTHS_NM = np.arange(430.0, 671.0, 40.0)
+_OTF_RINGS = 16
+_WAVELENGTHS_NM = np.arange(450.0, 651.0, 50.0)
 
 
 def brightness(image: RetinalImage) -> tuple[np.ndarray, np.ndarray]:

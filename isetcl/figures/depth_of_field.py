@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -59,9 +59,9 @@ def scene_and_distances() -> tuple[Scene, dict[str, float]]:
 def draw(folder: Path, quality: Quality) -> FigureResult:
     """The three images, and how blurred pieces before and behind the pawn are in each."""
     scene, distances = scene_and_distances()
-    view = {
+    view: dict[str, Any] = {
         "fov_deg": (30.0, 22.5),
-        "resolution": quality.pick((160, 120), (400, 300)),
+        "resolution": quality.pick((144, 108), (400, 300)),
         "spp": quality.pick(8, 32),
     }
     eyes = {pupil: catalog.navarro(pupil, 1.0 / FOCUS_M) for pupil in PUPILS_MM}

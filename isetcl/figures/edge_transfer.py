@@ -1,4 +1,4 @@
-"""MTFs as the paper measures them: a rendered slanted edge, at the best focus, in photopic light."""
+"""MTFs as the paper measures them: a rendered slanted edge in photopic light, at best focus."""
 
 from __future__ import annotations
 
@@ -77,14 +77,17 @@ def edge_mtf(
 
     pixels = quality.pick(120, 240)
     weights = options.pop("weights", None)
+    usual = {
+        "spp": quality.pick(16, 128),
+        "wavelengths_nm": quality.pick(np.arange(410.0, 691.0, 20.0), None),
+    }
     image = quality.render(
         targets.slanted_edge(distance_m),
         eye,
         fov_deg=pixels / (2.0 * highest_cpd(quality)),
         resolution=pixels,
-        spp=quality.pick(16, 64),
         diffraction=diffraction,
-        **options,
+        **(usual | options),
     )
     return slanted_edge_mtf(image, weights=weights, eye=eye)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
 
     scene = targets.two_planes(NEAR_M, FAR_M, edge_angle_deg=_EDGE_ANGLE_DEG)
     eye = catalog.navarro(_PUPIL_MM, 1.0 / NEAR_M)
-    view = {"fov_deg": _FOV_DEG, "resolution": quality.pick(96, 320)}
+    view: dict[str, Any] = {"fov_deg": _FOV_DEG, "resolution": quality.pick(96, 320)}
     traced = quality.render(scene, eye, spp=quality.pick(64, 256), **view)
     summed = psf_baseline.render(scene, eye, method="layered_sum", **view)
     error = occlusion_error(summed, traced)

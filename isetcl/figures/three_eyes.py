@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,10 @@ DISTANCES_M = {"A": 1.0 / 1.4, "B": 1.0, "C": 1.0 / 0.6}
 _FIELDS_DEG = (-1.5, 0.0, 1.0)
 _HEIGHT_M = 0.035
 _PUPIL_MM = 4.0
+_LE_GRAND = (
+    "spherical aberration: at 4 mm the relaxed Le Grand eye has its smallest spot for an object at "
+    "1.5 dpt, although its paraxial focus is at infinity"
+)
 _MOST_BLUR_ARCMIN = 40.0
 
 
@@ -41,7 +45,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     scene = targets.letters_at_depth(
         "ABC", tuple(DISTANCES_M.values()), _FIELDS_DEG, height_m=_HEIGHT_M
     )
-    view = {
+    view: dict[str, Any] = {
         "fov_deg": (5.0, 3.75),
         "resolution": quality.pick((96, 72), (320, 240)),
         "spp": quality.pick(32, 96),
@@ -76,15 +80,12 @@ def _statements(blurs: dict[str, list[ObjectBlur]]) -> list[Row]:
             "focused at infinity (so C, 0.6 dpt, should be sharpest, A least)",
             "caption of Figure 4",
             size[2] < size[1] < size[0],
-            known="spherical aberration: at 4 mm the relaxed Le Grand eye has its smallest spot for "
-            "an object at 1.5 dpt, although its paraxial focus is at infinity"
-            if name == "Le Grand"
-            else "",
+            known=_LE_GRAND if name == "Le Grand" else "",
         )
         for name, size in sizes.items()
     ]
     middle = {name: float(np.mean(size)) for name, size in sizes.items()}
-    return rows + [
+    rows.append(
         states(
             "the eyes differ",
             ", ".join(f"{name} {size:.1f}" for name, size in middle.items()) + " arcmin, mean",
@@ -92,4 +93,5 @@ def _statements(blurs: dict[str, list[ObjectBlur]]) -> list[Row]:
             "caption of Figure 4",
             max(middle.values()) > 1.1 * min(middle.values()),
         )
-    ]
+    )
+    return rows

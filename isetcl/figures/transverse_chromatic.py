@@ -63,7 +63,8 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     variants = eyes()
     chief = {name: _chief_arcmin(eye) for name, eye in variants.items()}
     picture = blank(12.0, 5.6)
-    whole, crops = picture.subfigures(1, 2, width_ratios=(0.85, 1.0))
+    parts: Any = picture.subfigures(1, 2, width_ratios=(0.85, 1.0))
+    whole, crops = parts
     image = quality.render(
         targets.tca_grid(GRID_M, _GRID_DEG, lines=_LINES),
         variants["unchanged"],
@@ -138,23 +139,21 @@ def _rendered(eye: Eye, quality: Quality) -> np.ndarray:
             bands=len(wavelengths),
             **_crop(quality, field),
         )
-        found.append(_line_places(image, wavelengths))
+        found.append(_line_places(image))
     return np.array(found)
 
 
-def _line_places(image: RetinalImage, wavelengths: np.ndarray) -> np.ndarray:
-    """Centroids across the vertical line from that at 550 nm, arcmin.
+def _line_places(image: RetinalImage) -> np.ndarray:
+    """Centroids across the vertical line, arcmin from that at the longest wavelength.
 
-    The rows of the horizontal line and its blur, within a third of the image, are left out.
+    In the upper third of the image, free of the horizontal line and its blur; without that of the
+    reference wavelength.
     """
-    values = image.irradiance.values.astype(np.float64)
-    y = image.dataset["y"].values
-    rows = np.abs(y) > _CROP_DEG / 6.0
-    profile = values[:, rows].sum(axis=1)
-    x = ARCMIN_PER_DEG * image.dataset["x"].values
-    centroids = profile @ x / profile.sum(axis=1)
-    reference = centroids[list(wavelengths).index(550.0)]
-    return np.array([centroids[i] for i, nm in enumerate(wavelengths) if nm != 550.0]) - reference
+    from isetcl.validation.measured_tca import measured_tca
+
+    rows, columns = image.irradiance.shape[1:]
+    found = measured_tca(image, region=(0, rows // 3, 0, columns))
+    return found.shift_arcmin[np.isin(found.wavelengths_nm, MEASURED_NM)]
 
 
 def _draw_crop(ax: Axes, eye: Eye, quality: Quality, field_deg: float) -> None:

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
 
+    from isetcl.eye.model import Eye
+
 FORMAT_VERSION = 1
 
 
@@ -416,6 +418,25 @@ class RetinalImage:
             raise FileError(
                 f"file {str(file)!r} holds no retinal image of isetcl: {error}"
             ) from error
+
+    def to_isetbio(self, path: str | Path) -> Path:
+        """Write the image as an optical image that ISETBio and ISETCam open; returns the path.
+
+        See `isetcl.retina.isetbio.to_isetbio`.
+        """
+        from isetcl.retina.isetbio import to_isetbio
+
+        return to_isetbio(self, path)
+
+    @staticmethod
+    def from_isetbio(path: str | Path, eye: Eye) -> RetinalImage:
+        """The optical image of a file of ISETBio or ISETCam, on the retina of an eye.
+
+        See `isetcl.retina.isetbio.from_isetbio`.
+        """
+        from isetcl.retina.isetbio import from_isetbio
+
+        return from_isetbio(path, eye)
 
     def __repr__(self) -> str:
         n, rows, columns = self.irradiance.shape

@@ -13,10 +13,11 @@ _MESH_SUFFIXES = (
 
 
 def load_scene(path: str | Path, *, allow_outside: bool = False) -> Scene:
-    """The scene of a file: PBRT (version 3 or 4), glTF/GLB, OBJ, PLY, STL, OFF.
+    """The scene of a file: PBRT (version 3 or 4), glTF/GLB, OBJ, PLY, STL, OFF, ISETBio (.mat).
 
     Of a PBRT scene, the eye stands where the camera stands and looks where it looks. What the
-    scene asks for and isetcl has not is listed in warnings, one a kind.
+    scene asks for and isetcl has not is listed in warnings, one a kind. A scene of ISETBio is a
+    flat spectral picture at its distance; see `isetcl.scene.isetbio`.
 
     Parameters
     ----------
@@ -54,5 +55,9 @@ def load_scene(path: str | Path, *, allow_outside: bool = False) -> Scene:
         from isetcl.scene.mesh_files import load_mesh_scene
 
         return load_mesh_scene(file, allow_outside=allow_outside)
-    known = ", ".join((".pbrt", *_MESH_SUFFIXES))
+    if suffix == ".mat":
+        from isetcl.scene.isetbio import read_isetbio_scene
+
+        return read_isetbio_scene(file)
+    known = ", ".join((".pbrt", ".mat", *_MESH_SUFFIXES))
     raise FileError(f"scene file {str(file)!r} has no known suffix (known: {known}); rename it")

@@ -1,7 +1,7 @@
 """How far an image is from the truth, and what it cost."""
 
 from isetcl.retina.depth_edges import occlusion_strip
-from isetcl.validation import stats
+from isetcl.validation import stability, stats
 from isetcl.validation.comparison import Comparison, Trial, compare
 from isetcl.validation.measured_tca import MeasuredTca, measured_tca
 from isetcl.validation.occlusion import (
@@ -41,6 +41,7 @@ __all__ = [
     "occlusion_strip",
     "occlusion_study",
     "slanted_edge_mtf",
+    "stability",
     "stats",
     "three_mtfs",
     "work_precision",

@@ -75,6 +75,13 @@ class OcclusionStudy:
         wavelength_nm
             The nearest is shown; None is the middle one.
         """
+        rows = self.rows(wavelength_nm)
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        lines = ("  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)) for r in rows)
+        return "\n".join(line.rstrip() for line in lines)
+
+    def rows(self, wavelength_nm: float | None = None) -> list[list[str]]:
+        """The table's cells, the names of the columns first; see `table`."""
         known = self.dataset["wavelength"].values
         wanted = known[len(known) // 2] if wavelength_nm is None else wavelength_nm
         data = self.dataset.sel(wavelength=wanted, method="nearest")
@@ -92,9 +99,7 @@ class OcclusionStudy:
                     *(100.0 * own[n].item() for n in ("strip_rms", "outside_rms", "largest")),
                 ]
                 rows.append([*names, str(kind), *(f"{n:.3g}" for n in numbers)])
-        widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
-        lines = ("  ".join(c.ljust(w) for c, w in zip(r, widths, strict=True)) for r in rows)
-        return "\n".join(line.rstrip() for line in lines)
+        return rows
 
     def plot(self, wavelength_nm: float | None = None) -> Figure:
         """Errors in and outside the strip by method, and profiles across the edge."""

@@ -31,6 +31,8 @@ _NOISE_LIMIT = 4.0
 _STANDS_OUT = 5.0
 _SURE_ROWS = 24
 _LEAST_STEP = 3.0
+_SAME_STEP = 0.6
+_CORNER_PX = 6
 
 
 @dataclass(frozen=True)
@@ -119,6 +121,8 @@ def find_edge(brightness: np.ndarray, region_name: str = "the image") -> EdgeLin
     middle = (rows[0] + rows[1] - 1) / 2.0
     line = EdgeLine(bool(best), (offset + slope * middle, slope, 0.0), middle, rows, 0.0)
     line = _by_centroids(image, line)
+    for _ in range(2):
+        line = _by_centroids(image, _in_all_rows(image, line))
     _check_step(image, line, region_name)
     line = _with_flat_sides(image, line)
     _check_width(line, region_name)
@@ -159,13 +163,13 @@ def _rough_line(image: np.ndarray) -> tuple[float, float, float, tuple[int, int]
     return float(np.sum(np.abs(strength[t]))), float(slope), float(offset), run
 
 
-def _longest_run(flags: np.ndarray) -> tuple[int, int] | None:
+def _longest_run(flags: np.ndarray, gap: int = 4) -> tuple[int, int] | None:
     """The longest stretch that begins and ends with True and is mostly True; None if too short."""
     ones = np.flatnonzero(flags)
     best = (0, 0)
     start = 0
     for i in range(len(ones)):
-        if i + 1 == len(ones) or ones[i + 1] - ones[i] > 4:
+        if i + 1 == len(ones) or ones[i + 1] - ones[i] > gap:
             if ones[i] + 1 - ones[start] > best[1] - best[0]:
                 best = (int(ones[start]), int(ones[i]) + 1)
             start = i + 1
@@ -204,12 +208,36 @@ def _by_centroids(image: np.ndarray, line: EdgeLine) -> EdgeLine:
     return EdgeLine(line.is_turned, (a, b, 0.0), line.middle, line.rows, line.half_width)
 
 
+def _in_all_rows(image: np.ndarray, line: EdgeLine) -> EdgeLine:
+    """The longest stretch of rows that have the same step across the line.
+
+    A blurred edge is steepest at many places, so that some rows miss the line at first; others
+    beyond a corner seem to lie on it.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    distance = line.distance(image.shape)
+    near = (np.abs(distance) > 1.0) & (np.abs(distance) < _FIRST_REACH_PX)
+    counts = [np.maximum(np.sum(near & side, axis=1), 1) for side in (distance > 0, distance < 0)]
+    sums = [np.sum(image * (near & side), axis=1) for side in (distance > 0, distance < 0)]
+    step = uniform_filter1d(sums[0] / counts[0] - sums[1] / counts[1], 5, mode="nearest")
+    is_seen = np.min(counts, axis=0) >= _LEAST_REACH_PX
+    rough = step[slice(*line.rows)]
+    usual = float(np.percentile(np.abs(rough), 90.0)) * float(np.sign(np.median(rough)))
+    run = _longest_run(is_seen & (step * usual > _SAME_STEP * usual**2), gap=1)
+    first, last = line.rows if run is None else run
+    middle = (first + last - 1) / 2.0
+    a = float(line.at(middle))
+    moved = (a, line.coefficients[1], line.coefficients[2])
+    return dataclasses.replace(line, coefficients=moved, middle=middle, rows=(first, last))
+
+
 def _with_flat_sides(image: np.ndarray, line: EdgeLine) -> EdgeLine:
     """How far both sides are seen and hold nothing else; rows near the ends of the edge go."""
     rows = line.rows
     for _ in range(3):
         width = _flat_width(image, dataclasses.replace(line, rows=rows))
-        lean = math.ceil(width * abs(line.coefficients[1]) / line.cosine) + 3
+        lean = math.ceil(width * abs(line.coefficients[1]) / line.cosine) + _CORNER_PX
         first = rows[0] if line.rows[0] <= 2 else line.rows[0] + lean
         last = rows[1] if line.rows[1] >= image.shape[0] - 2 else line.rows[1] - lean
         if last - first < _FEWEST_ROWS:

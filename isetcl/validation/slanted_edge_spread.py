@@ -28,6 +28,7 @@ _FLAT_SHARE = 0.5
 _FINE = 4
 _LINE_ROUNDS = 6
 _SETTLED_PX = 1e-5
+_SIDE = (0.55, 0.98)
 _BAND = 3
 _PENALTY = 1e-6
 
@@ -78,6 +79,11 @@ class EdgeFit:
         from scipy.interpolate import BSpline
 
         return BSpline(self.knots, self.solve(self.basis.T @ values), _BAND)
+
+    def sides(self, spread: Any) -> tuple[float, float]:
+        """Brightness of the left and the right side: means of a spline over the outer parts."""
+        away = np.linspace(_SIDE[0], _SIDE[1], 64) * self.reach
+        return float(np.mean(spread(-away))), float(np.mean(spread(away)))
 
     def transfer_map(self, frequency: np.ndarray) -> np.ndarray:
         """What turns B^T values into the transform of the windowed line spread, (k, m), complex.
@@ -175,11 +181,11 @@ def _line_step(image: np.ndarray, found: EdgeFit, is_curved: bool) -> np.ndarray
     design = -slope[:, None] * line.cosine * terms
     design = design - np.asarray(found.basis @ found.solve(found.basis.T @ design))
     step = np.linalg.lstsq(design, left, rcond=None)[0]
-    place = np.linspace(-found.reach, found.reach, 8 * int(found.reach) + 1)[1:-1]
-    height = spread.derivative()(place) * np.sign(spread(place[-1]) - spread(place[0]))
-    near = np.where(np.abs(place) < 0.5 * found.reach, np.maximum(height, 0.0), 0.0)
-    strong = np.where(near > 0.2 * near.max(), near, 0.0)
-    shift = float(np.sum(strong * place) / np.sum(strong)) / line.cosine
+    # Where a sharp step would leave the same light on the left: the centroid of the line spread.
+    low, high = found.sides(spread)
+    end = _SIDE[1] * found.reach
+    light = float(spread.integrate(-end, end)) - low * 2.0 * end
+    shift = (end - light / (high - low)) / line.cosine
     return np.array([shift, step[0], step[1] if is_curved else 0.0])
 
 

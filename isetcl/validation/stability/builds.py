@@ -41,7 +41,8 @@ def _fast_math(bench: Bench) -> tuple[int, str]:
     fast = Bench(with_option(bench.device, FAST_MATH), bench.precision)
     found = [f"arithmetic: {f}" for f in selftest.check_arithmetic(fast.device, fast.precision)]
     found += [f"case {n}" for n in _SENSITIVE if registered(n).run(fast).failed]
-    return int(not found), f"fails: {'; '.join(found)}" if found else "fast math was not noticed"
+    note = f"with fast math fail {'; '.join(found)}" if found else "fast math was not noticed"
+    return int(not found), note
 
 
 @case(60, "wavelengths at the ends and beyond", "380 and 780 nm pass; what is not known is refused",

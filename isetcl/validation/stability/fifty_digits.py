@@ -25,6 +25,8 @@ def trace(
     origin: Iterable[float | Decimal],
     direction: Iterable[float | Decimal],
     sense: int,
+    *,
+    nearby_mm: float | None = None,
 ) -> tuple[Point, Point, Decimal] | None:
     """One ray through elements in the order it meets them.
 
@@ -36,6 +38,8 @@ def trace(
         Of the ray, mm, eye frame; the direction of any length.
     sense
         +1 towards the retina, -1 towards the scene.
+    nearby_mm
+        Length along the ray at which the search on a biconic begins; None at its vertex plane.
 
     Returns
     -------
@@ -53,7 +57,7 @@ def trace(
                 n1, n2 = n2, n1
             local = [p[0], p[1], p[2] - Decimal(e.vertex_z_mm)]
             found = (
-                _biconic(e, local, d)
+                _biconic(e, local, d, nearby_mm)
                 if isinstance(e.shape, Biconic)
                 else _conic(e, local, d, sense)
             )
@@ -95,8 +99,10 @@ def _conic(e: Element, p: Point, d: Point, sense: int) -> tuple[Decimal, Point, 
     return None
 
 
-def _biconic(e: Element, p: Point, d: Point) -> tuple[Decimal, Point, Point] | None:
-    """The same for a biconic, from the plane of its vertex; None where the search fails."""
+def _biconic(
+    e: Element, p: Point, d: Point, nearby_mm: float | None
+) -> tuple[Decimal, Point, Point] | None:
+    """The same for a biconic; None where the search fails."""
     assert isinstance(e.shape, Biconic)
     cy, ky = Decimal(e.curvature), Decimal(e.conic)
     cx, kx = Decimal(e.shape.curvature_x), Decimal(e.shape.conic_x)
@@ -111,7 +117,7 @@ def _biconic(e: Element, p: Point, d: Point) -> tuple[Decimal, Point, Point] | N
         return p[2] + t * d[2] - sag(p[0] + t * d[0], p[1] + t * d[1])
 
     try:
-        old = -p[2] / d[2]
+        old = -p[2] / d[2] if nearby_mm is None else Decimal(nearby_mm)
         new = old + Decimal("1e-3")
         low, high = above(old), above(new)
         for _ in range(60):

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 _MARKERS = "osD^vPX*hp<>"
 _FEWEST_DECADES = 0.3
+_FEW_DECADES = 3.0
 
 
 def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
@@ -22,6 +23,7 @@ def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
     """
     from matplotlib import colormaps
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     data = result.dataset
     has_times = bool(result.provenance.get("has_times", True))
@@ -54,8 +56,11 @@ def draw(result: WorkPrecision, ax: Axes | None = None) -> Axes:
     ax.set_xscale("log")
     ax.set_yscale("log")
     _widen(ax)
-    ax.yaxis.set_major_formatter("{x:g}")
-    ax.xaxis.set_major_formatter("{x:g}")
+    for axis in (ax.xaxis, ax.yaxis):
+        few = np.ptp(np.log10(axis.get_view_interval())) < _FEW_DECADES
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_formatter(NullFormatter())
     clock = {"wall": "time of an image (s)", "cpu": "processor time of an image (s)"}
     ax.set_xlabel(clock[result.provenance["time"]] if has_times else "knob (times were too noisy)")
     ax.set_ylabel("root mean square error (% of the mean)")

@@ -104,6 +104,10 @@ class WorkPrecision:
 
     def table(self) -> str:
         """All points as text, percent of the mean; ``~`` marks times that differed too much."""
+        return "\n".join([_aligned(self.rows()), "", *self.summary(), *self.notes])
+
+    def rows(self) -> list[list[str]]:
+        """The table's cells, the names of the columns first."""
         data = self.dataset
         head = ["method", "knob", *(f"{title} ({unit})" for _, title, unit in _TABLE)]
         rows = [head]
@@ -122,9 +126,9 @@ class WorkPrecision:
                     text = f"~{text}"
                 row.append(text)
             rows.append(row)
-        return "\n".join([_aligned(rows), "", *self._summary(), *self.notes])
+        return rows
 
-    def _summary(self) -> list[str]:
+    def summary(self) -> list[str]:
         """Slopes and times to targets, a line for each method."""
         data = self.dataset
         lines = []
@@ -135,6 +139,12 @@ class WorkPrecision:
                 words.append(
                     f"error falls as knob^{slopes[0]:.2f} [{slopes[1]:.2f}, {slopes[2]:.2f}];"
                 )
+            own = self.of(str(name)).isel(point=0)
+            first, build = own["first_s"].item(), own["build_s"].item()
+            if math.isfinite(first):
+                words.append(f"first image {first:.3g} s, {build:.3g} s of it to build;")
+                moved = own["transfer_s"].item()
+                words += [f"copies {moved:.2g} s;"] if math.isfinite(moved) else []
             for k, target in enumerate(data["target"].values):
                 seconds = float(data["time_to_s"].values[m, k])
                 how = str(data["time_to_how"].values[m, k])

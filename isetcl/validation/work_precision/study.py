@@ -156,7 +156,8 @@ def work_precision(
     first_seed = check_count("seed", seed, 0, 1 << 62)
     factor = check_count("reference_factor", reference_factor, 1)
     points = [_Point(method, value) for method in named for value in method.knobs]
-    say = _Steps(on_step, len(points) * (count + 1))
+    rounds = [_rounds(point, count) for point in points]
+    say = _Steps(on_step, sum(rounds) + (2 if parts else 1) * len(points))
     seeds = list(range(first_seed, first_seed + count))
     most = _most_samples(methods)
     found = _reference(reference, scene, eye, where, most, factor, first_seed, device, say)
@@ -174,7 +175,7 @@ def work_precision(
     )
     flat, variance = truth.values.ravel(), truth.variance.ravel()
     errors = [errors_of(np.array(own), flat, variance) for own in images]
-    columns = [_parts(p, seeds, truth, quantity) if parts else {} for p in points]
+    columns = [_parts(p, seeds, truth, quantity, say) if parts else {} for p in points]
     notes = _notes(points, errors, count, found, images)
     spreads = {p.what: t.spread(time) for p, t in zip(points, times, strict=True)}
     trouble = check_quiet(spreads)
@@ -184,10 +185,11 @@ def work_precision(
     if trouble is None or allow_noise:
         said = notes if trouble is None else [*notes, trouble]
         return assemble.result(pieces, said, has_times=True)
+    other = ", take time='cpu'" if time == "wall" else ""
     withheld = assemble.result(pieces, [*notes, trouble], has_times=False)
     raise NoisyTimingError(
-        trouble + "; wait until nothing else runs, raise least_s, take time='cpu', or pass "
-        "allow_noise=True to have it marked",
+        f"{trouble}; wait until nothing else runs, raise least_s{other}, or pass allow_noise=True "
+        "to have it marked",
         withheld,
     )
 
@@ -295,7 +297,7 @@ def _measure(
         images[i].clear()
     for r, seed in enumerate(seeds):
         for i, point in enumerate(points):
-            if r >= LEAST_MEASUREMENTS and not point.method.is_random:
+            if r >= _rounds(point, len(seeds)):
                 continue
             say(f"replicate {r + 1} of {len(seeds)}, {point.what}", 1)
             wall, cpu = call(i, seed, least_s)
@@ -304,8 +306,16 @@ def _measure(
     return images, times
 
 
-def _parts(point: _Point, seeds: list[int], truth: Pixels, quantity: Quantity) -> dict[str, float]:
+def _rounds(point: _Point, replicates: int) -> int:
+    """Measurements of a point: images without noise need no more than times do."""
+    return replicates if point.method.is_random else min(replicates, LEAST_MEASUREMENTS)
+
+
+def _parts(
+    point: _Point, seeds: list[int], truth: Pixels, quantity: Quantity, say: _Steps
+) -> dict[str, float]:
     """Representation, rounding and discretisation of a point, root mean square."""
+    say(f"kinds of error of {point.what}", 1)
     level = abs(float(np.mean(truth.values)))
     found: dict[str, float] = {}
     for part in point.method.parts:

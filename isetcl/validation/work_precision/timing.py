@@ -6,9 +6,12 @@ import statistics
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from isetcl.errors import InvalidInputError, IsetclError
+
+if TYPE_CHECKING:
+    from isetcl.validation.work_precision.result import WorkPrecision
 
 LARGEST_SPREAD = 0.2
 LEAST_S = 0.2
@@ -21,7 +24,7 @@ CLOCKS: tuple[ClockName, ...] = ("wall", "cpu")
 class NoisyTimingError(IsetclError, RuntimeError):
     """Times differ too much from run to run to be reported; `result` has all but the times."""
 
-    def __init__(self, message: str, result: object = None) -> None:
+    def __init__(self, message: str, result: WorkPrecision) -> None:
         super().__init__(message)
         self.result = result
 

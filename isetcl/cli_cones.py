@@ -1,0 +1,326 @@
+"""The command `isetcl cones`: what the cones of a mosaic catch of a scene or a saved image."""
+
+from __future__ import annotations
+
+import io
+import math
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from isetcl import cli_scene
+from isetcl.cli_render import INTERRUPTED, as_notes, goal_of
+from isetcl.errors import InvalidInputError, check_choice, check_finite, check_positive
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from isetcl.cones.excitations import Excitations
+    from isetcl.cones.mosaic import ConeMosaic
+    from isetcl.retina.image import RetinalImage
+
+DEFAULT_FOV_DEG = 0.7
+_MARGIN = 1.12  # of the mosaic's field: what is rendered of the scene
+_PIXELS_PER_APERTURE = 3.0
+_MOST_PIXELS = 512
+_MOST_GAZE_DEG = 0.3
+
+_SOURCE_HELP = (
+    "A scene file or target, as `isetcl render` takes them, or an image it saved (.nc): the middle "
+    "of the image lies on the fovea."
+)
+_LUX_HELP = "Scale the image to this mean illuminance, lux (default: as it is)."
+_CENTRE_HELP = "Middle of the mosaic, degrees right and up from the fovea."
+_AGE_HELP = (
+    "Age of the lens in front of the retina, years (default: 32); 0 leaves it out. An image that "
+    "has come through a lens already keeps it."
+)
+_SIZE_HELP = (
+    "Pixels across the rendered image (default: three for the smallest aperture, 512 at most)."
+)
+_MOVIE_HELP = "Also write a fixation as a movie: its length, ms."
+
+
+def cones(
+    source: Annotated[str, typer.Argument(metavar="SOURCE", help=_SOURCE_HELP)],
+    fov: Annotated[float, typer.Option(help="Width of the mosaic, degrees.")] = DEFAULT_FOV_DEG,
+    centre: Annotated[str, typer.Option(metavar="X,Y", help=_CENTRE_HELP)] = "0,0",
+    density: Annotated[
+        str, typer.Option(help="Density of the cones: curcio1990, watson2014 or song2011.")
+    ] = "curcio1990",
+    time: Annotated[float, typer.Option(help="Integration time, ms.")] = 5.0,
+    dark: Annotated[
+        float, typer.Option(help="Excitations a second without light, in every cone.")
+    ] = 0.0,
+    lux: Annotated[float | None, typer.Option(help=_LUX_HELP)] = None,
+    age: Annotated[float, typer.Option(help=_AGE_HELP)] = 32.0,
+    eye: Annotated[str, typer.Option(help="Model eye or its file, for scenes.")] = "navarro",
+    pupil: Annotated[float, typer.Option(help="Diameter of the stop (iris), mm.")] = 4.0,
+    accommodation: Annotated[
+        str, typer.Option(help="As in `isetcl render`: dioptres, a distance, relaxed, centre.")
+    ] = "centre",
+    size: Annotated[int | None, typer.Option(help=_SIZE_HELP)] = None,
+    spp: Annotated[
+        int | None, typer.Option(help="Samples a pixel, instead of --error or --render-time.")
+    ] = None,
+    error: Annotated[
+        float | None, typer.Option(help="Stop rendering at this relative error (default: 0.02).")
+    ] = None,
+    render_time: Annotated[
+        float | None, typer.Option(help="Stop rendering after about so many seconds (default: 60).")
+    ] = None,
+    movie: Annotated[float | None, typer.Option(metavar="MS", help=_MOVIE_HELP)] = None,
+    mp4: Annotated[
+        bool, typer.Option("--mp4", help="Write the movie as MP4 (needs ffmpeg), not as GIF.")
+    ] = False,
+    mat: Annotated[
+        bool, typer.Option("--mat", help="Also write image and mosaic for ISETBio.")
+    ] = False,
+    output: Annotated[Path, typer.Option("--output", "-o", help="Folder for the results.")] = Path(
+        "isetcl-cones"
+    ),
+    allow_outside: Annotated[
+        bool,
+        typer.Option("--allow-outside", help="The scene may read files outside of its folder."),
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Seed of mosaic, samples, noise and movements.")] = 0,
+    device: Annotated[
+        str | None, typer.Option(help="OpenCL device: 'platform:device' or part of its name.")
+    ] = None,
+) -> None:
+    """Make a mosaic of cones, let it look at a scene or an image, and count its excitations.
+
+    Prints means by type, and writes excitations.nc, mosaic.nc, pictures and, on request, files for
+    ISETBio and a movie of a fixation.
+    """
+    from isetcl.cones.excitation_pictures import check_movie
+    from isetcl.output import check_folder
+
+    wanted = _checked(fov, centre, density, time, dark, lux, age)
+    movie_file = output / ("fixation.mp4" if mp4 else "fixation.gif")
+    if movie is not None:
+        check_positive("--movie", movie, "ms")
+        check_movie(movie_file)
+    rendering = {
+        "eye": eye,
+        "pupil": pupil,
+        "focus": cli_scene.vergence(accommodation),
+        "goal": goal_of(spp, error, render_time),
+        "size": size,
+        "allow_outside": allow_outside,
+        "reach_deg": _reach(wanted, movie),
+        "seed": seed,
+        "device": device,
+    }
+    is_image = Path(source).suffix.lower() == ".nc"
+    saved = _loaded(source, wanted) if is_image else None
+    check_folder(output)
+    try:
+        with as_notes():
+            mosaic = _mosaic(wanted, seed, device)
+            image = _rendered(source, mosaic, rendering) if saved is None else saved
+            image = _lit(image, wanted)
+            found = mosaic.excitations(image, 1e-3 * time, **_looking(wanted, seed, device))
+            written = _write(found, mosaic, image, output, mat=mat)
+            if movie is not None:
+                path = _gazes(movie, time, seed)
+                moving = mosaic.excitations(
+                    image, 1e-3 * time, gaze_deg=path, **_looking(wanted, seed, device)
+                )
+                written.append(moving.movie(movie_file))
+    except KeyboardInterrupt:
+        print("isetcl: interrupted before there were excitations to write", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+    _report(found, mosaic, written)
+
+
+def _checked(
+    fov: float,
+    centre: str,
+    density: str,
+    time: float,
+    dark: float,
+    lux: float | None,
+    age: float,
+) -> dict[str, Any]:
+    """The options of mosaic and excitations; raises before any work."""
+    from isetcl.cones.density import DENSITIES
+    from isetcl.retina.transmittance import transmittance
+
+    try:
+        x, y = (float(part) for part in centre.strip("()").split(","))
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise InvalidInputError(
+            f"--centre must be two numbers in degrees with a comma, such as 5,0, got {centre!r}"
+        )
+    check_positive("--time", time, "ms")
+    if check_finite("--dark", dark, "Hz") < 0:
+        raise InvalidInputError(f"--dark must be >= 0 Hz, got {dark:g}")
+    return {
+        "fov_deg": check_positive("--fov", fov, "deg"),
+        "centre_deg": (x, y),
+        "density": check_choice("--density", density, DENSITIES),
+        "dark_rate_hz": dark,
+        "lux": None if lux is None else check_positive("--lux", lux, "lux"),
+        "lens": None if age == 0 else transmittance(age),
+    }
+
+
+def _reach(wanted: dict[str, Any], movie: float | None) -> float:
+    """How far from the fovea the image must reach, degrees."""
+    half = 0.5 * wanted["fov_deg"] * _MARGIN
+    return float(half + (_MOST_GAZE_DEG if movie is not None else 0.0))
+
+
+def _loaded(source: str, wanted: dict[str, Any]) -> RetinalImage:
+    """A saved image; raises, before there is a mosaic, if it does not hold the mosaic's field."""
+    from isetcl.retina.image import RetinalImage
+
+    image = RetinalImage.load(source)
+    left, right, bottom, top = image.extent_deg
+    half = 0.5 * wanted["fov_deg"]
+    (x, y), slack = wanted["centre_deg"], 1e-6
+    if not (
+        left <= x - half + slack
+        and x + half <= right + slack
+        and bottom <= y - half + slack
+        and y + half <= top + slack
+    ):
+        raise InvalidInputError(
+            f"a mosaic of {wanted['fov_deg']:g} deg at ({x:g}, {y:g}) deg reaches beyond the image "
+            f"{source!r}, which spans x {left:.4g} to {right:.4g} and y {bottom:.4g} to {top:.4g} "
+            "deg; choose another --fov or --centre"
+        )
+    return image
+
+
+def _mosaic(wanted: dict[str, Any], seed: int, device: str | None) -> ConeMosaic:
+    from isetcl.cones.generate import mosaic
+
+    return mosaic(
+        wanted["fov_deg"],
+        wanted["centre_deg"],
+        density=wanted["density"],
+        seed=seed,
+        device=device,
+    )
+
+
+def _rendered(source: str, mosaic: ConeMosaic, how: dict[str, Any]) -> RetinalImage:
+    """The image of a scene around the mosaic."""
+    from isetcl.render.render import render as trace
+
+    loaded = cli_scene.read_scene(source, allow_outside=how["allow_outside"])
+    seen = cli_scene.lit(loaded, None)
+    model = cli_scene.accommodated(how["eye"], how["pupil"], how["focus"], seen)
+    low, high = mosaic.extent_deg
+    middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
+    field = 2.0 * how["reach_deg"]
+    pixels = how["size"]
+    if pixels is None:
+        finest = float(mosaic.aperture_deg.min()) / _PIXELS_PER_APERTURE
+        pixels = min(_MOST_PIXELS, max(2, math.ceil(field / finest)))
+    return trace(
+        seen,
+        model,
+        fov_deg=field,
+        resolution=pixels,
+        centre_deg=middle,
+        seed=how["seed"],
+        device=how["device"],
+        **how["goal"],
+    )
+
+
+def _lit(image: RetinalImage, wanted: dict[str, Any]) -> RetinalImage:
+    """The image behind the lens, at the illuminance asked for."""
+    has_lens = any(step.label == "media" for step in image.steps)
+    if wanted["lens"] is not None and not has_lens:
+        image = image.through(wanted["lens"])
+    if wanted["lux"] is not None:
+        image = image.scale_to_mean_illuminance(wanted["lux"])
+    return image
+
+
+def _looking(wanted: dict[str, Any], seed: int, device: str | None) -> dict[str, Any]:
+    return {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
+
+
+def _gazes(movie_ms: float, time_ms: float, seed: int) -> np.ndarray:
+    """Where the eye looks from frame to frame, (frames, 2), degrees."""
+    from isetcl.cones.eye_movements import eye_movements
+
+    path = eye_movements(1e-3 * movie_ms, 1e-3 * time_ms, seed=seed, centre="mean").path()
+    return np.clip(path, -_MOST_GAZE_DEG, _MOST_GAZE_DEG)
+
+
+def _write(
+    found: Excitations, mosaic: ConeMosaic, image: RetinalImage, folder: Path, *, mat: bool
+) -> list[Path]:
+    """The data first, then pictures of them."""
+    found.dataset.attrs["command"] = shlex.join(["isetcl", *sys.argv[1:]])
+    written = [
+        found.save(folder / "excitations.nc"),
+        mosaic.save(folder / "mosaic.nc"),
+        image.save(folder / "retina.nc"),
+    ]
+    if mat:
+        written.append(image.to_isetbio(folder / "opticalimage.mat"))
+        written.append(mosaic.to_isetbio(folder / "mosaic.mat"))
+    return written + _pictures(found, mosaic, folder)
+
+
+def _pictures(found: Excitations, mosaic: ConeMosaic, folder: Path) -> list[Path]:
+    from matplotlib.figure import Figure
+
+    from isetcl.output import write_file
+
+    middle = 0.5 * (mosaic.extent_deg[0][1] + mosaic.extent_deg[1][1])
+    drawings: dict[str, Any] = {
+        "mosaic.png": lambda axes: mosaic.plot(axes),
+        "excitations.png": lambda axes: found.plot(axes, shown="counts"),
+        "profile.png": lambda axes: found.plot_profile(axes, y_deg=middle),
+    }
+    written = []
+    for name, draw in drawings.items():
+        figure = Figure(figsize=(7.5, 5.6), layout="constrained")
+        draw(figure.subplots())
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=120)
+        written.append(write_file(folder / name, buffer.getvalue()))
+    return written
+
+
+def table(found: Excitations, mosaic: ConeMosaic) -> Table:
+    """Means by type, and the noise of a single cone and integration time."""
+    from rich.table import Table
+
+    shown = Table(title=f"Excitations in {1e3 * found.integration_time_s:g} ms")
+    for name in ("type", "cones", "mean", "least", "most", "noise (s.d.)"):
+        shown.add_column(name, justify="left" if name == "type" else "right")
+    for kind, count in mosaic.counts.items():
+        if count == 0:
+            continue
+        mean = found.of(kind).values.astype(np.float64)
+        noise = math.sqrt(mean.mean())
+        shown.add_row(
+            kind,
+            str(count),
+            *(f"{value:.4g}" for value in (mean.mean(), mean.min(), mean.max(), noise)),
+        )
+    return shown
+
+
+def _report(found: Excitations, mosaic: ConeMosaic, written: list[Path]) -> None:
+    from rich.console import Console
+
+    console = Console()
+    console.print(table(found, mosaic))
+    names = ", ".join(path.name for path in written)
+    console.print(f"{names} in {written[0].parent}/", highlight=False, soft_wrap=True)

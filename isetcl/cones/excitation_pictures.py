@@ -1,0 +1,321 @@
+"""Pictures of excitations: maps over the mosaic, profiles along a line, and movies."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from isetcl.cones.excitations import Excitations
+from isetcl.cones.pictures import COLOURS, MOST_DISCS
+from isetcl.cones.receptors import ReceptorType
+from isetcl.errors import (
+    FileError,
+    InvalidInputError,
+    check_choice,
+    check_count,
+    check_finite,
+    check_positive,
+    check_type,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.collections import Collection
+
+Shown = Literal["mean", "counts"]
+Colour = Literal["excitation", "type"]
+
+_MOST_FRAMES = 2000
+_DARKEST = 0.06  # of a type's colour: where nothing is excited the receptor is still seen
+_MARKERS = {ReceptorType.L: "o", ReceptorType.M: "^", ReceptorType.S: "s", ReceptorType.ROD: "."}
+
+
+def plot_excitations(
+    excitations: Excitations,
+    ax: Axes | None = None,
+    *,
+    frame: int = 0,
+    shown: Shown = "mean",
+    colour: Colour = "excitation",
+    most: float | None = None,
+) -> Axes:
+    """Draw the mosaic with every receptor coloured by its excitations; returns the axes.
+
+    Parameters
+    ----------
+    ax
+        Matplotlib axes; None makes a new figure.
+    frame
+        Which frame.
+    shown
+        ``"mean"``, or ``"counts"`` for the noisy instance.
+    colour
+        ``"excitation"``, one scale of grey for all receptors; ``"type"``, the colour of the type,
+        brighter where more of them are excited, each type relative to its own largest.
+    most
+        Excitations shown brightest; None is the largest of the frame. For one scale only.
+    """
+    import matplotlib.pyplot as plt
+
+    values = _values(excitations, shown)[check_frame(excitations, frame)]
+    check_choice("colour", colour, ("excitation", "type"))
+    if ax is not None and not hasattr(ax, "add_collection"):
+        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
+    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    if colour == "type":
+        drawn = _add_receptors(axes, excitations)
+        drawn.set_facecolor(_type_colours(excitations, values).tolist())
+        for kind in np.unique(excitations.types):
+            largest = values[excitations.types == kind].max()
+            name = ReceptorType(kind).name
+            label = f"{name}, up to {largest:.3g}"
+            axes.scatter([], [], s=40, c=COLOURS[ReceptorType(kind)], lw=0, label=label)
+        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+    else:
+        drawn = _add_receptors(axes, excitations)
+        drawn.set_array(values)
+        drawn.set_cmap("gray")
+        largest = float(values.max()) if most is None else check_positive("most", most)
+        drawn.set_clim(0.0, largest or 1.0)
+        axes.figure.colorbar(drawn, ax=axes, label=_label(excitations), shrink=0.85)
+    return axes
+
+
+def plot_profile(
+    excitations: Excitations,
+    ax: Axes | None = None,
+    *,
+    y_deg: float = 0.0,
+    width_deg: float | None = None,
+    frame: int = 0,
+    shown: Shown = "counts",
+) -> Axes:
+    """Draw the excitations of receptors along a horizontal line, by type; returns the axes.
+
+    As in Figure 11C of Lian et al. 2019, J Vision 19(12):23.
+
+    Parameters
+    ----------
+    ax
+        Matplotlib axes; None makes a new figure.
+    y_deg, width_deg
+        Height of the line and its width, degrees; None takes a line of receptors, 1.3 of the median
+        aperture to both sides.
+    frame, shown
+        As in `plot_excitations`; noisy by default, with the means as fine dots.
+    """
+    import matplotlib.pyplot as plt
+
+    number = check_frame(excitations, frame)
+    values = _values(excitations, shown)[number]
+    on_line = line(excitations, y_deg, width_deg)
+    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    x = excitations.dataset["x_deg"].values
+    mean = excitations.mean.values[number]
+    for kind in ReceptorType:
+        own = on_line & (excitations.types == kind)
+        if not np.any(own):
+            continue
+        order = np.flatnonzero(own)[np.argsort(x[own])]
+        marker = _MARKERS[kind]
+        axes.plot(x[order], values[order], marker, ms=5, color=COLOURS[kind], label=kind.name)
+        if shown == "counts":
+            axes.plot(x[order], mean[order], ".", ms=2.5, color="k", alpha=0.6)
+    if shown == "counts":
+        axes.plot([], [], ".", ms=2.5, color="k", label="mean")
+    axes.set(xlabel="visual field, x (deg)", ylabel=_label(excitations), ylim=(0, None))
+    axes.grid(True, lw=0.4, alpha=0.7)
+    axes.legend(frameon=False)
+    return axes
+
+
+def line(
+    excitations: Excitations, y_deg: float = 0.0, width_deg: float | None = None
+) -> np.ndarray:
+    """Which receptors lie on a horizontal line, (receptor,), bool.
+
+    Raises
+    ------
+    InvalidInputError
+        If none does.
+    """
+    check_finite("y_deg", y_deg, "deg")
+    if width_deg is None:
+        width = 2.6 * float(np.median(_diameters(excitations)))
+    else:
+        width = check_positive("width_deg", width_deg, "deg")
+    y = excitations.dataset["y_deg"].values
+    chosen = np.abs(y - y_deg) <= 0.5 * width
+    if not np.any(chosen):
+        raise InvalidInputError(
+            f"no receptor lies within {width / 2:.3g} deg of y = {y_deg:g} deg; they span "
+            f"{y.min():.4g} to {y.max():.4g} deg"
+        )
+    return np.asarray(chosen)
+
+
+def write_movie(
+    excitations: Excitations,
+    path: str | Path,
+    *,
+    shown: Shown = "mean",
+    frames_per_s: int = 20,
+    width_px: int = 480,
+) -> Path:
+    """Write the frames as a movie, GIF or MP4 by the suffix; returns the path.
+
+    Parameters
+    ----------
+    path
+        ``.gif``, or ``.mp4``, which needs the program ffmpeg.
+    shown
+        ``"mean"``, or ``"counts"`` for noisy instances.
+    frames_per_s
+        Speed of the movie; the time of the excitations is written above.
+    width_px
+        Width of the movie, pixels.
+
+    Raises
+    ------
+    InvalidInputError
+        If there are more than 2000 frames, or the suffix is another, or MP4 without ffmpeg.
+    FileError
+        If the file cannot be written.
+    """
+    check_type("path", path, (str, Path))
+    target = Path(path)
+    check_movie(target)
+    values = _values(excitations, shown)
+    if len(values) > _MOST_FRAMES:
+        raise InvalidInputError(
+            f"a movie has at most {_MOST_FRAMES} frames, got {len(values)}; take every n-th"
+        )
+    speed = check_count("frames_per_s", frames_per_s, 1, 50)
+    width = check_count("width_px", width_px, 100, 4000)
+    temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
+    try:
+        _write_frames(excitations, values, temporary, speed, width)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise FileError(
+            f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+    return target
+
+
+def check_movie(path: Path) -> None:
+    """Raise InvalidInputError unless movies of this suffix can be written here."""
+    suffix = path.suffix.lower()
+    if suffix not in (".gif", ".mp4"):
+        raise InvalidInputError(f"a movie must end in .gif or .mp4, got {path.name!r}")
+    if suffix == ".mp4":
+        from matplotlib.animation import FFMpegWriter
+
+        if not FFMpegWriter.isAvailable():
+            raise InvalidInputError(
+                f"movie {path.name!r}: MP4 needs the program ffmpeg, which is not installed; "
+                f"write {path.stem + '.gif'!r} instead"
+            )
+
+
+def check_frame(excitations: Excitations, frame: int) -> int:
+    """The number of a frame; raise InvalidInputError where there is none."""
+    return check_count("frame", frame, 0, len(excitations.mean) - 1)
+
+
+def _write_frames(
+    excitations: Excitations, values: np.ndarray, path: Path, speed: int, width_px: int
+) -> None:
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.0, 5.0), dpi=width_px / 6.0)
+    FigureCanvasAgg(figure)
+    axes = figure.add_axes((0.13, 0.12, 0.7, 0.78))
+    drawn = _add_receptors(axes, excitations)
+    drawn.set_cmap("gray")
+    drawn.set_clim(0.0, float(values.max()) or 1.0)
+    scale = figure.add_axes((0.86, 0.12, 0.03, 0.78))
+    figure.colorbar(drawn, cax=scale, label=_label(excitations))
+    writer: Any = PillowWriter(fps=speed) if path.suffix.lower() == ".gif" else FFMpegWriter(speed)
+    with writer.saving(figure, str(path), figure.dpi):
+        for time_s, frame in _frames(excitations, values):
+            drawn.set_array(frame)
+            axes.set_title(f"{1e3 * time_s:.0f} ms", fontsize="medium")
+            writer.grab_frame()
+
+
+def _frames(excitations: Excitations, values: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
+    yield from zip(excitations.dataset["time_s"].values.tolist(), values, strict=True)
+
+
+def _values(excitations: Excitations, shown: Shown) -> np.ndarray:
+    check_choice("shown", shown, ("mean", "counts"))
+    found = excitations.mean if shown == "mean" else excitations.counts
+    return np.asarray(found.values, dtype=np.float64)
+
+
+def _label(excitations: Excitations) -> str:
+    return f"excitations in {1e3 * excitations.integration_time_s:g} ms"
+
+
+def _type_colours(excitations: Excitations, values: np.ndarray) -> np.ndarray:
+    """Colour of the type, brighter with more excitations, (receptor, 3)."""
+    from matplotlib.colors import to_rgb
+
+    colours = np.zeros((len(values), 3))
+    for kind in np.unique(excitations.types):
+        own = excitations.types == kind
+        share = values[own] / (values[own].max() or 1.0)
+        bright = _DARKEST + (1.0 - _DARKEST) * share
+        colours[own] = bright[:, None] * np.array(to_rgb(COLOURS[ReceptorType(kind)]))
+    return colours
+
+
+def _diameters(excitations: Excitations) -> np.ndarray:
+    if "aperture_deg" not in excitations.dataset.coords:
+        raise InvalidInputError(
+            "these excitations do not tell the apertures; pass width_deg, or make them anew"
+        )
+    return np.asarray(excitations.dataset["aperture_deg"].values)
+
+
+def _add_receptors(axes: Axes, excitations: Excitations) -> Collection:
+    """Receptors without colours, on a dark ground; beyond 30 000 only their middles."""
+    from matplotlib.collections import EllipseCollection
+
+    data = excitations.dataset
+    places = np.stack([data["x_deg"].values, data["y_deg"].values], axis=1)
+    drawn: Collection
+    if len(places) > MOST_DISCS or "aperture_deg" not in data.coords:
+        size = float(np.clip(2e5 / len(places), 0.05, 20.0))
+        drawn = axes.scatter(places[:, 0], places[:, 1], s=size, lw=0)
+    else:
+        # As wide as the receptors are apart, so that the map has no gaps.
+        width = _diameters(excitations) / 0.79
+        drawn = EllipseCollection(
+            width,
+            width,
+            np.zeros(len(places)),
+            units="xy",
+            offsets=places,
+            offset_transform=axes.transData,
+            linewidth=0,
+        )
+        axes.add_collection(drawn)
+    axes.set_facecolor("0.1")
+    axes.set_aspect("equal")
+    low, high = places.min(axis=0), places.max(axis=0)
+    margin = 0.02 * float((high - low).max()) or 0.01
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_xlabel("visual field, x (deg)")
+    axes.set_ylabel("visual field, y (deg)")
+    return drawn

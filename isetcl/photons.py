@@ -1,0 +1,60 @@
+"""Spectra counted in photons, as ISETBio and ISETCam have them in their files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from isetcl.errors import FileError, InvalidInputError
+from isetcl.matlab import numbers
+from isetcl.spectrum import check_wavelengths
+from isetcl.units import NM_PER_M, PLANCK_J_S, SPEED_OF_LIGHT_M_S
+
+_UNEVEN = 1e-6
+
+
+def photons_per_joule(wavelengths_nm: np.ndarray) -> np.ndarray:
+    """Photons in a joule of light of each wavelength: lambda / (h c)."""
+    return np.asarray(wavelengths_nm / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S))
+
+
+def check_even(what: str, wavelengths_nm: np.ndarray) -> np.ndarray:
+    """Return a grid of equal steps; ISETBio takes the first step for all.
+
+    Raises
+    ------
+    InvalidInputError
+        If the steps differ.
+    """
+    grid = check_wavelengths(wavelengths_nm)
+    steps = np.diff(grid)
+    if len(steps) and np.ptp(steps) > _UNEVEN * grid[-1]:
+        raise InvalidInputError(
+            f"wavelengths of {what} must lie in equal steps for ISETBio, got steps of "
+            f"{steps.min():g} to {steps.max():g} nm; render an even grid"
+        )
+    return grid
+
+
+def photon_wavelengths(path: str | Path, record: dict[str, Any], *keys: str) -> np.ndarray:
+    """An even wavelength grid at a path of fields; raise FileError where there is none."""
+    found = numbers(path, record, *keys)
+    try:
+        return check_even("the file", found.ravel())
+    except InvalidInputError as error:
+        raise FileError(f"file {str(path)!r}: {error}") from error
+
+
+def photon_cube(path: str | Path, photons: np.ndarray, layers: int) -> np.ndarray:
+    """Photons as (rows, columns, wavelengths); raise FileError unless they fit and are >= 0."""
+    values = photons[..., None] if photons.ndim == 2 else photons
+    if values.ndim != 3 or values.shape[2] != layers:
+        raise FileError(
+            f"file {str(path)!r}: photons must have shape (rows, columns, {layers} wavelengths), "
+            f"got {photons.shape}"
+        )
+    if not np.all(np.isfinite(values)) or values.min() < 0:
+        raise FileError(f"file {str(path)!r}: photons must be finite and >= 0; mend them first")
+    return values

@@ -1,0 +1,154 @@
+"""Pictures of excitations, and `isetcl cones` as a user meets it."""
+
+import sys
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+import isetcl as ic
+from isetcl import cli
+from isetcl.cones import ConeMosaic
+from isetcl.cones.excitation_pictures import line, plot_excitations, write_movie
+from isetcl.cones.pictures import COLOURS
+from isetcl.cones.receptors import ReceptorType
+from isetcl.errors import InvalidInputError
+
+pytestmark = pytest.mark.filterwarnings("ignore:pixels are up to")
+
+EYE = ic.eyes.navarro()
+
+
+@pytest.fixture(scope="module")
+def image():
+    values = np.full((31, 24, 24), 2e-3, np.float32)
+    values[:, :, 12:] *= 0.1
+    grid = ic.RetinalGrid.of(EYE, 0.4, 24)
+    return ic.RetinalImage.from_arrays(grid, np.arange(400.0, 701.0, 10.0), values)
+
+
+@pytest.fixture(scope="module")
+def seen(image):
+    x, y = np.meshgrid(np.linspace(-0.15, 0.15, 11), np.linspace(-0.15, 0.15, 11))
+    places = np.stack([x.ravel(), y.ravel()], axis=1)
+    mosaic = ConeMosaic.from_positions(places, np.arange(121) % 3, spacing_um=5.0)
+    gaze = np.array([[0.0, 0.0], [0.02, 0.0], [-0.02, 0.01]])
+    return mosaic.excitations(image, gaze_deg=gaze, dark_rate_hz=250.0)
+
+
+def test_the_map_shows_every_receptor_by_its_excitations(seen):
+    (drawn,) = plot_excitations(seen, frame=1).collections
+    np.testing.assert_allclose(drawn.get_array(), seen.mean.values[1])
+    np.testing.assert_allclose(
+        drawn.get_offsets(), np.stack([seen.dataset["x_deg"], seen.dataset["y_deg"]], axis=1)
+    )
+
+
+def test_in_colours_of_types_the_most_excited_of_each_has_its_full_colour(seen):
+    drawn = seen.plot(colour="type", shown="counts").collections[0]
+    colours = drawn.get_facecolor()[:, :3]
+    for kind in range(3):
+        own = np.flatnonzero(seen.types == kind)
+        brightest = own[np.argmax(seen.counts.values[0, own])]
+        np.testing.assert_allclose(colours[brightest], to_rgb(COLOURS[ReceptorType(kind)]))
+
+
+def test_a_profile_has_the_receptors_of_one_line(seen):
+    chosen = line(seen, 0.03, 0.01)
+    np.testing.assert_allclose(seen.dataset["y_deg"].values[chosen], 0.03, atol=1e-12)
+    assert chosen.sum() == 11
+    axes = seen.plot_profile(y_deg=0.03, width_deg=0.01)
+    shown = [drawn for drawn in axes.lines if drawn.get_label() in "LMS"]
+    assert sum(len(drawn.get_xdata()) for drawn in shown) == 11
+    with pytest.raises(InvalidInputError, match="no receptor lies within"):
+        line(seen, 3.0)
+
+
+def test_a_movie_has_a_frame_for_every_frame(seen, tmp_path):
+    from PIL import Image
+
+    path = seen.movie(tmp_path / "a.gif", width_px=200)
+    with Image.open(path) as movie:
+        assert movie.n_frames == 3
+        assert movie.size[0] == 200
+    assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
+
+
+def test_movies_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
+    from matplotlib.animation import FFMpegWriter
+
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda _: False))
+    with pytest.raises(InvalidInputError, match=r"ffmpeg, which is not installed; write 'a.gif'"):
+        write_movie(seen, tmp_path / "a.mp4")
+    with pytest.raises(InvalidInputError, match=r"must end in \.gif or \.mp4"):
+        write_movie(seen, tmp_path / "a.avi")
+    with pytest.raises(InvalidInputError, match="frame must be between 0 and 2"):
+        seen.plot(frame=3)
+
+
+@pytest.fixture
+def isetcl(tmp_path, monkeypatch, capsys):
+    """Run `isetcl cones` in an empty folder: exit status, standard output, standard error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["isetcl", "cones", *arguments])
+        try:
+            cli.main()
+            status = 0
+        except SystemExit as stopped:
+            status = stopped.code
+        printed = capsys.readouterr()
+        return status, printed.out, printed.err
+
+    return run
+
+
+def test_a_saved_image_becomes_excitations_and_pictures(isetcl, image, tmp_path):
+    image.save(tmp_path / "a.nc")
+    status, out, _ = isetcl("a.nc", "--fov", "0.12", "--dark", "250", "--mat", "-o", "o")
+    assert status == 0
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {
+        *("excitations.nc", "mosaic.nc", "retina.nc", "mosaic.mat", "opticalimage.mat"),
+        *("excitations.png", "mosaic.png", "profile.png"),
+    }
+    found = ic.cones.Excitations.load(tmp_path / "o" / "excitations.nc")
+    assert found.dataset.attrs["command"].startswith("isetcl cones a.nc --fov 0.12")
+    assert f"{float(found.of('L').mean()):.4g}" in out
+    # Behind the lens, of which the image had none: 32 years by default.
+    assert [step.label for step in ic.RetinalImage.load(tmp_path / "o" / "retina.nc").steps] == [
+        "media"
+    ]
+
+
+@pytest.mark.slow
+def test_a_scene_becomes_excitations_and_a_movie(isetcl, tmp_path):
+    pytest.importorskip("isetcl.cones.eye_movements")
+    status, _, err = isetcl(
+        *("slanted-edge", "--fov", "0.1", "--lux", "5", "--spp", "4", "--size", "40"),
+        *("--movie", "20", "-o", "o"),
+    )
+    assert status == 0, err
+    assert (tmp_path / "o" / "fixation.gif").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--fov", "0"], "--fov must be > 0"),
+        (["--fov", "1"], "reaches beyond the image"),
+        (["--centre", "1"], "--centre must be two numbers"),
+        (["--time", "-5"], "--time must be > 0"),
+        (["--dark", "-1"], "--dark must be >= 0"),
+        (["--lux", "0"], "--lux must be > 0"),
+        (["--age", "5"], "age"),
+        (["--density", "curcio"], "did you mean curcio1990"),
+        (["--movie", "0"], "--movie must be > 0"),
+    ],
+)
+def test_bad_options_are_refused_before_any_work(isetcl, image, tmp_path, arguments, message):
+    image.save(tmp_path / "a.nc")
+    status, _, err = isetcl("a.nc", *arguments)
+    assert status == 2
+    assert message in err
+    assert [p.name for p in tmp_path.iterdir()] == ["a.nc"]
