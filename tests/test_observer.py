@@ -7,7 +7,7 @@ import pytest
 from isetcl.cones.nomogram import govardovskii_absorbance
 from isetcl.cones.observer import Observer
 from isetcl.errors import InvalidInputError
-from isetcl.eye.people.macular_pigment import macular_fraction
+from isetcl.eye.people.macular_pigment import macular_fraction, standard_lens_density
 from isetcl.eye.people.pigments import absorbance
 from isetcl.eye.people.stockman_rider import (
     template_lens_density,
@@ -19,16 +19,46 @@ WAVES = np.arange(400.0, 701.0)
 PLANCK_TIMES_C = 6.62607015e-34 * 299792458.0
 
 
-def fundamentals(size):
+def fundamentals(size, waves=WAVES):
     table = colour.MSDS_CMFS[f"Stockman & Sharpe {size} Degree Cone Fundamentals"]
-    return np.stack([np.interp(WAVES, table.wavelengths, table.values[:, i]) for i in range(3)])
+    values = np.nan_to_num(table.values)
+    return np.stack([np.interp(waves, table.wavelengths, values[:, i]) for i in range(3)])
 
 
-@pytest.mark.parametrize("size", [2, 10])
-def test_the_standard_observers_have_the_published_fundamentals(size):
-    # colour-science's tables are Stockman & Sharpe 2000 to 1e-5; ours come from absorbances.
-    found = Observer.of_field(float(size)).fundamentals(WAVES)
-    np.testing.assert_allclose(found, fundamentals(size), atol=1e-3)
+@pytest.mark.parametrize(
+    ("size", "densities", "macular_at_460_nm", "limits"),
+    [
+        (2, (0.5, 0.5, 0.4), 0.350, (3e-4, 3e-4, 2e-5)),
+        (10, (0.38, 0.38, 0.30), 0.095, (8e-5, 8e-5, 8e-5)),
+    ],
+)
+def test_the_standard_observers_have_the_published_fundamentals(
+    size, densities, macular_at_460_nm, limits
+):
+    # colour-science has the tables of Stockman & Sharpe 2000; ours come from absorbances. Limits:
+    # what an independent evaluation of the same data leaves; S is tabulated to 615 nm.
+    waves = np.arange(390.0, 831.0)
+    observer = Observer(
+        optical_densities=densities, macular_peak_density=macular_at_460_nm * 0.352114 / 0.35
+    )
+    error = np.abs(observer.fundamentals(waves) - fundamentals(size, waves)).max(axis=1)
+    np.testing.assert_array_less(error, limits)
+    # A field's size gives the densities by CIE 170-1's formulas, which are close to these.
+    error = Observer.of_field(float(size)).fundamentals(waves) - fundamentals(size, waves)
+    assert np.abs(error).max() < 1e-3
+
+
+def test_older_lenses_take_more_from_the_short_waves():
+    waves, observer = np.arange(390.0, 701.0, 5.0), Observer()
+    # CIE 170-1: the ageing part of the lens, 0.661837 at 400 nm and 0.427672 at 420, grows by
+    # 0.02 a year from 32 to 60.
+    ratio = observer.fundamentals(waves, 60.0) / observer.fundamentals(waves, 32.0)
+    at = {nm: int(np.argmin(np.abs(waves - nm))) for nm in (390, 400, 420, 700)}
+    fall = np.log10(ratio[:, at[420]] / ratio[:, at[400]])
+    np.testing.assert_allclose(fall, 0.56 * (0.661837 - 0.427672), rtol=1e-4)
+    # Below the age table the whole lens grows as at 400 nm.
+    fall = np.log10(ratio[:, at[400]] / ratio[:, at[390]])
+    np.testing.assert_allclose(fall, 0.56 * 0.661837 * (2.5122 / 1.7649 - 1.0), rtol=1e-3)
 
 
 @pytest.mark.parametrize("size", [2, 10])
@@ -51,23 +81,108 @@ def test_absorbance_and_efficiency_are_those_of_isetbio():
     assert 10 ** (-0.35 * unit) == pytest.approx(0.466430859836272, rel=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("eccentricity", "expected"),
-    [
-        (0.0, (2117.9, 1629.6, 458.9)),
-        (None, (2375.2, 1975.9, 790.2)),
-        (10.0, (2363.7, 1960.3, 774.9)),
-    ],
-)
-def test_excitations_of_an_equal_energy_lux_are_the_published_ones(eccentricity, expected):
-    # Excitations per um^2 and s at one photopic lux on the retina, 400 to 700 nm every nm.
-    irradiance = 1.0 / (683.0 * np.sum(luminous_efficiency(WAVES)))
+# Excitations of L, M and S per um^2 of aperture and s at one photopic lux on the retina, 400 to 700
+# nm every nm, as evaluated elsewhere from the same tables: with the macular pigment of the fovea,
+# without any, with that at 10 degrees; and photons per m^2 and s in all.
+PER_LUX = {
+    "equal energy": (
+        1.1426e16,
+        (2117.9, 1629.6, 458.9),
+        (2375.2, 1975.9, 790.2),
+        (2363.7, 1960.3, 774.9),
+    ),
+    "equal energy behind the lens": (
+        1.0737e16,
+        (2076.3, 1494.6, 178.2),
+        (2263.1, 1748.7, 340.4),
+        (2254.8, 1737.3, 332.7),
+    ),
+    "D65 behind the lens": (
+        1.0115e16,
+        (2064.4, 1556.3, 193.4),
+        (2274.0, 1842.8, 373.0),
+        (2264.8, 1830.0, 364.5),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", list(PER_LUX))
+def test_excitations_of_one_lux_are_the_published_ones(name):
+    spectrum = np.ones_like(WAVES)
+    if name.startswith("D65"):
+        table = colour.SDS_ILLUMINANTS["D65"]
+        spectrum = np.interp(WAVES, table.wavelengths, table.values)
+    if name.endswith("lens"):
+        spectrum = spectrum * 10.0 ** -standard_lens_density(WAVES)
+    irradiance = spectrum / (683.0 * np.sum(spectrum * luminous_efficiency(WAVES)))
     photons = irradiance * WAVES * 1e-9 / PLANCK_TIMES_C
+    total, *expected = PER_LUX[name]
+    assert np.sum(photons) == pytest.approx(total, rel=5e-5)
     observer = Observer()
-    fraction = 0.0 if eccentricity is None else macular_fraction(eccentricity)
-    through = 10.0 ** (-fraction * observer.macular_density(WAVES))
-    found = 1e-12 * np.sum(observer.quantal_efficiency(WAVES) * through * photons, axis=1)
-    np.testing.assert_allclose(found, expected, rtol=5e-4)
+    for fraction, each in zip((1.0, 0.0, macular_fraction(10.0)), expected, strict=True):
+        through = 10.0 ** (-fraction * observer.macular_density(WAVES))
+        found = 1e-12 * np.sum(observer.quantal_efficiency(WAVES) * through * photons, axis=1)
+        np.testing.assert_allclose(found, each, atol=0.051)
+
+
+# Wavelength, nm; density of the lens; log10 absorbance of L, M, S; excitations per photon at the
+# retina (behind the macular pigment) and at the cornea, as evaluated elsewhere from these tables.
+TABLE = np.array([
+    [390, 2.5122, -0.9338, -1.0479, -0.1338, 0.0754, 0.0589, 0.2955, 0.0002, 0.0002, 0.0009],
+    [400, 1.7649, -0.8835, -0.9707, -0.0499, 0.0764, 0.0633, 0.3061, 0.0013, 0.0011, 0.0053],
+    [430, 0.4876, -0.9536, -0.8565, -0.0222, 0.0440, 0.0542, 0.2135, 0.0143, 0.0176, 0.0695],
+    [460, 0.2279, -0.7801, -0.5543, -0.3146, 0.0520, 0.0822, 0.1077, 0.0308, 0.0486, 0.0637],
+    [500, 0.1537, -0.3040, -0.1384, -1.4586, 0.1798, 0.2341, 0.0130, 0.1262, 0.1643, 0.0091],
+    [550, 0.0859, -0.0040, -0.0731, -3.5813, 0.4536, 0.4147, 0.0002, 0.3723, 0.3403, 0.0001],
+    [600, 0.0297, -0.2378, -0.7868, -5.7038, 0.3241, 0.1143, 1.2e-6, 0.3027, 0.1068, 1.1e-6],
+    [650, 0.0032, -1.1202, -2.2222, -7.4819, 0.0557, 0.0046, 2.0e-8, 0.0553, 0.0046, 2.0e-8],
+    [700, 0.0000, -2.6209, -3.8852, -9.2349, 0.0018, 0.0001, 3.6e-10, 0.0018, 0.0001, 3.6e-10],
+])  # fmt: skip
+
+
+def test_media_pigments_and_efficiencies_are_the_tabulated_ones():
+    waves, observer = TABLE[:, 0], Observer()
+    lens = standard_lens_density(waves)
+    at_retina = observer.quantal_efficiency(waves) * 10.0 ** -observer.macular_density(waves)
+    rows = [lens, *np.log10(observer.absorbances(waves)), *at_retina, *(at_retina * 10.0**-lens)]
+    np.testing.assert_allclose(np.stack(rows, axis=1), TABLE[:, 1:], atol=6e-5)
+
+
+def test_efficiencies_peak_where_published():
+    waves, observer = np.arange(390.0, 831.0), Observer()
+    at_retina = observer.quantal_efficiency(waves) * 10.0 ** -observer.macular_density(waves)
+    at_cornea = at_retina * 10.0 ** -standard_lens_density(waves)
+    for rows, peaks in (
+        (at_retina, [(555, 0.4550), (539, 0.4434), (399, 0.3062)]),
+        (at_cornea, [(566, 0.3834), (541, 0.3534), (442, 0.0843)]),
+    ):
+        found = [(waves[np.argmax(row)], row.max()) for row in rows]
+        np.testing.assert_allclose(found, peaks, atol=5.1e-5)
+
+
+def test_absorbances_go_on_in_the_infrared():
+    # The table's own values; S beyond 615 nm falls by 0.03506 a nm.
+    found = np.log10(Observer().absorbances(np.array([760.0, 800.0, 830.0])))
+    expected = [[-4.536, -5.683, -6.477], [-5.728, -6.804, -7.543], [-11.339, -12.741, -13.793]]
+    np.testing.assert_allclose(found, expected, atol=6e-4)
+    # A pigment moved 20 nm to the blue is read 31 nm beyond the table: the slope of its last 30 nm.
+    moved = np.log10(absorbance("L", np.array([829.0, 830.0]), shift_nm=-20.0))
+    stretch = 551.9 / 531.9
+    slope = (-6.477 - np.log10(absorbance("L", np.array([800.0]))[0])) / 30.0
+    assert moved[1] - moved[0] == pytest.approx(stretch * slope, rel=2e-3)
+    assert moved[1] == pytest.approx(-6.477 + slope * 830.0 * (stretch - 1.0), abs=2e-3)
+
+
+def test_macular_pigment_falls_as_measured():
+    # Putnam & Bland 2014, Fig. 2B: eccentricity, deg, and density.
+    measured = np.array([
+        [-7.99, 0.021], [-5.97, 0.033], [-4.17, 0.058], [-2.85, 0.105], [-2.01, 0.151],
+        [-1.18, 0.244], [-0.63, 0.312], [0.07, 0.342], [0.90, 0.281], [1.53, 0.214],
+        [2.15, 0.151], [3.82, 0.077], [6.11, 0.033], [8.13, 0.014],
+    ])  # fmt: skip
+    fitted = 0.35 * macular_fraction(measured[:, 0])
+    assert np.abs(fitted - measured[:, 1]).max() < 0.015
+    assert 0.35 * macular_fraction(10.0) == pytest.approx(0.0122, abs=5e-5)
 
 
 def test_the_templates_deviate_from_the_tables_as_evaluated_elsewhere():

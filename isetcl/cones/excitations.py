@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from isetcl.cones.at_places import rates_at_places
 from isetcl.cones.light_catch import LightCatch
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.observer import Observer
@@ -27,6 +28,7 @@ from isetcl.errors import (
     check_vectors,
 )
 from isetcl.retina.image import RetinalImage
+from isetcl.retina.places import IrradianceAtPlaces
 
 if TYPE_CHECKING:
     import xarray
@@ -43,11 +45,11 @@ class Excitations:
     Attributes
     ----------
     dataset : xarray.Dataset
-        ``mean`` (frame, receptor): mean excitations in one integration time. Coordinates by
-        receptor: ``x_deg``, ``y_deg``, ``eccentricity_deg``, ``aperture_deg`` (diameter) and
-        ``type`` (0 L, 1 M, 2 S, 3 rod); by frame: ``time_s`` and where the fovea looks,
-        ``gaze_x_deg`` and ``gaze_y_deg``. Attributes: ``integration_time_s``, ``seed``,
-        ``provenance`` (JSON).
+        ``mean`` (frame, receptor): mean excitations in one integration time; ``standard_error``
+        likewise, where the scene was rendered at the receptors. Coordinates by receptor:
+        ``x_deg``, ``y_deg``, ``eccentricity_deg``, ``aperture_deg`` (diameter) and ``type`` (0 L,
+        1 M, 2 S, 3 rod); by frame: ``time_s`` and where the fovea looks, ``gaze_x_deg`` and
+        ``gaze_y_deg``. Attributes: ``integration_time_s``, ``seed``, ``provenance`` (JSON).
     """
 
     def __init__(self, dataset: xarray.Dataset) -> None:
@@ -65,6 +67,11 @@ class Excitations:
     def mean(self) -> xarray.DataArray:
         """Mean excitations in one integration time, (frame, receptor)."""
         return self.dataset["mean"]
+
+    @property
+    def standard_error(self) -> xarray.DataArray | None:
+        """Standard error of the means, (frame, receptor), of light rendered at the receptors."""
+        return self.dataset.get("standard_error")
 
     @property
     def types(self) -> np.ndarray:
@@ -184,7 +191,7 @@ class Excitations:
 
 def excitations(
     mosaic: ConeMosaic,
-    image: RetinalImage,
+    image: RetinalImage | IrradianceAtPlaces,
     integration_time_s: float = 0.005,
     *,
     observer: Observer | None = None,
@@ -208,7 +215,8 @@ def excitations(
     mosaic
         The receptors. `ConeMosaic.moved` places them in an image whose fovea is off the axis.
     image
-        The retinal image, W m^-2 nm^-1.
+        The retinal image, W m^-2 nm^-1; or what ``isetcl.render(..., at=mosaic)`` found at the
+        receptors themselves, for an eye at rest, which gives the means a standard error.
     integration_time_s
         Time over which excitations are counted, s.
     observer
@@ -238,7 +246,7 @@ def excitations(
         If receptors look beyond the image, or an argument is out of range.
     """
     check_type("mosaic", mosaic, ConeMosaic)
-    check_type("image", image, RetinalImage)
+    check_type("image", image, (RetinalImage, IrradianceAtPlaces))
     check_positive("integration_time_s", integration_time_s, "s")
     step = (
         integration_time_s if frame_time_s is None else check_positive("frame_time_s", frame_time_s)
@@ -251,11 +259,22 @@ def excitations(
         raise InvalidInputError("gaze_deg must have at least one frame, got none")
     watcher = Observer() if observer is None else observer
     check_type("observer", watcher, Observer)
-    catch = LightCatch(mosaic, image, watcher, segments, has_macular_pigment)
-    catch.check_inside(gaze)
-    if catch.is_coarse:
-        warnings.warn(catch.coarse_message, stacklevel=3)
-    mean = catch.rates(gaze, precision, device) * mean_type(integration_time_s, precision)
+    error = None
+    if isinstance(image, IrradianceAtPlaces):
+        if gaze_deg is not None:
+            raise InvalidInputError(
+                "gaze_deg needs an image: light rendered at the receptors is that of an eye at "
+                "rest; render a RetinalImage, or render at mosaic.moved(gaze) frame by frame"
+            )
+        rate, rate_error = rates_at_places(mosaic, image, watcher, segments, has_macular_pigment)
+        error = (rate_error * integration_time_s)[None]
+        mean = (rate * integration_time_s)[None].astype(mean_type(0.0, precision).dtype)
+    else:
+        catch = LightCatch(mosaic, image, watcher, segments, has_macular_pigment)
+        catch.check_inside(gaze)
+        if catch.is_coarse:
+            warnings.warn(catch.coarse_message, stacklevel=3)
+        mean = catch.rates(gaze, precision, device) * mean_type(integration_time_s, precision)
     mean += mean_type(dark_rate_hz * integration_time_s, precision)
     details = {
         "integration_time_s": integration_time_s,
@@ -266,7 +285,11 @@ def excitations(
         "mosaic": mosaic.provenance,
         "image": image.provenance,
     }
-    return _labelled(mosaic, mean, gaze, step, integration_time_s, seed, details)
+    found = _labelled(mosaic, mean, gaze, step, integration_time_s, seed, details)
+    if error is not None:
+        found.dataset["standard_error"] = found.mean.copy(data=error.astype(mean.dtype))
+        found.dataset["standard_error"].attrs["long_name"] = "standard error of the mean"
+    return found
 
 
 def mean_type(value: float, precision: Precision) -> np.floating:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from isetcl.cones.light_catch import mean_segment_factor
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.observer import Observer
 from isetcl.cones.receptors import ReceptorType, outer_segment_um
@@ -14,7 +15,6 @@ from isetcl.matlab import write_mat
 from isetcl.spectrum import default_wavelengths_nm
 
 VARIABLE = "coneData"
-_NODES = 64
 
 
 def to_isetbio(mosaic: ConeMosaic, path: str | Path) -> Path:
@@ -52,9 +52,5 @@ def to_isetbio(mosaic: ConeMosaic, path: str | Path) -> Path:
 
 def segment_factors(mosaic: ConeMosaic) -> np.ndarray:
     """Absorptance of L cones over that of the fovea by outer segment, (n,), mean of wavelengths."""
-    observer, grid = Observer(), default_wavelengths_nm()
     fraction = mosaic.outer_segment_um / float(outer_segment_um(np.zeros(1))[0])
-    foveal = observer.quantal_efficiency(grid)[0]
-    nodes = np.linspace(fraction.min(), fraction.max(), _NODES)
-    means = [np.mean(observer.quantal_efficiency(grid, f)[0] / foveal) for f in nodes]
-    return np.asarray(np.interp(fraction, nodes, means))
+    return mean_segment_factor(Observer(), default_wavelengths_nm(), fraction)

@@ -24,7 +24,69 @@ _SEGMENT_NODES = 64
 _MOST_EFFICIENCIES = 1 << 24
 
 
-class LightCatch:
+class ReceptorEfficiency:
+    """Receptors of a mosaic before light of some wavelengths.
+
+    Parameters
+    ----------
+    mosaic, observer
+        Who looks, with which pigments.
+    wavelengths_nm
+        Of the light.
+    segments, has_macular_pigment
+        As in `isetcl.cones.excitations`.
+    """
+
+    def __init__(
+        self,
+        mosaic: ConeMosaic,
+        wavelengths_nm: np.ndarray,
+        observer: Observer,
+        segments: str = "spectral",
+        has_macular_pigment: bool = True,
+    ) -> None:
+        self._mosaic, self._grid, self._observer = mosaic, wavelengths_nm, observer
+        self._segments, self._has_macular = segments, has_macular_pigment
+
+    def efficiencies(self, receptors: slice) -> np.ndarray:
+        """Excitations a second per W m^-2 nm^-1 at each wavelength, (receptors, wavelengths)."""
+        grid = self._grid
+        types = self._mosaic.types[receptors]
+        eccentricity = self._mosaic.eccentricity_deg[receptors]
+        efficiency = self._pigments(types, self._mosaic.outer_segment_um[receptors])
+        if self._has_macular:
+            density = self._observer.macular_density(grid)
+            efficiency = efficiency * 10.0 ** (-macular_fraction(eccentricity)[:, None] * density)
+        area_m2 = np.pi * (0.5e-6 * self._mosaic.aperture_um[receptors]) ** 2
+        photons = grid / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)
+        return np.asarray(efficiency * area_m2[:, None] * photons)
+
+    def _pigments(self, types: np.ndarray, segment_um: np.ndarray) -> np.ndarray:
+        """Excitations per photon of every receptor, (receptors, wavelengths)."""
+        observer, grid = self._observer, self._grid
+        efficiency = np.empty((len(types), len(grid)))
+        is_rod = types == ReceptorType.ROD
+        if np.any(is_rod):
+            efficiency[is_rod] = observer.rod_efficiency(grid)
+        fraction = segment_um / float(outer_segment_um(np.zeros(1))[0])
+        foveal = observer.quantal_efficiency(grid)
+        if self._segments == "spectral":
+            exponent = -np.log(10.0) * observer.absorbances(grid)
+            for kind, density in enumerate(observer.optical_densities):
+                chosen = types == kind
+                depth = density * fraction[chosen, None]
+                efficiency[chosen] = -np.expm1(depth * exponent[kind])
+            efficiency[~is_rod] *= observer.photon_efficiency
+            return efficiency
+        factor = np.ones(len(types))
+        if self._segments == "mean":
+            factor = mean_segment_factor(observer, grid, fraction)
+        cones = ~is_rod
+        efficiency[cones] = foveal[types[cones]] * factor[cones, None]
+        return efficiency
+
+
+class LightCatch(ReceptorEfficiency):
     """Receptors of a mosaic before an image.
 
     Parameters
@@ -49,8 +111,8 @@ class LightCatch:
         segments: str = "spectral",
         has_macular_pigment: bool = True,
     ) -> None:
-        self._mosaic, self._image, self._observer = mosaic, image, observer
-        self._segments, self._has_macular = segments, has_macular_pigment
+        super().__init__(mosaic, image.wavelengths_nm, observer, segments, has_macular_pigment)
+        self._image = image
         self._check_image()
         self.apertures = self._apertures()
 
@@ -156,51 +218,6 @@ class LightCatch:
             f"{int(np.ceil(rows * factor))} pixels, and three times as many for smooth edges"
         )
 
-    def efficiencies(self, receptors: slice) -> np.ndarray:
-        """Excitations a second per W m^-2 nm^-1 at each wavelength, (receptors, wavelengths)."""
-        grid = self._image.wavelengths_nm
-        types = self._mosaic.types[receptors]
-        eccentricity = self._mosaic.eccentricity_deg[receptors]
-        efficiency = self._pigments(types, self._mosaic.outer_segment_um[receptors])
-        if self._has_macular:
-            density = self._observer.macular_density(grid)
-            efficiency = efficiency * 10.0 ** (-macular_fraction(eccentricity)[:, None] * density)
-        area_m2 = np.pi * (0.5e-6 * self._mosaic.aperture_um[receptors]) ** 2
-        photons = grid / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)
-        return np.asarray(efficiency * area_m2[:, None] * photons)
-
-    def _pigments(self, types: np.ndarray, segment_um: np.ndarray) -> np.ndarray:
-        """Excitations per photon of every receptor, (receptors, wavelengths)."""
-        observer, grid = self._observer, self._image.wavelengths_nm
-        efficiency = np.empty((len(types), len(grid)))
-        is_rod = types == ReceptorType.ROD
-        if np.any(is_rod):
-            efficiency[is_rod] = observer.rod_efficiency(grid)
-        fraction = segment_um / float(outer_segment_um(np.zeros(1))[0])
-        foveal = observer.quantal_efficiency(grid)
-        if self._segments == "spectral":
-            exponent = -np.log(10.0) * observer.absorbances(grid)
-            for kind, density in enumerate(observer.optical_densities):
-                chosen = types == kind
-                depth = density * fraction[chosen, None]
-                efficiency[chosen] = -np.expm1(depth * exponent[kind])
-            efficiency[~is_rod] *= observer.photon_efficiency
-            return efficiency
-        factor = np.ones(len(types))
-        if self._segments == "mean":
-            factor = self._mean_factor(fraction)
-        cones = ~is_rod
-        efficiency[cones] = foveal[types[cones]] * factor[cones, None]
-        return efficiency
-
-    def _mean_factor(self, fraction: np.ndarray) -> np.ndarray:
-        """ISETBio's factor: the mean over wavelengths of L's absorptance over that of the fovea."""
-        grid = self._image.wavelengths_nm
-        foveal = self._observer.quantal_efficiency(grid)[0]
-        nodes = np.linspace(fraction.min(), fraction.max(), _SEGMENT_NODES)
-        means = [np.mean(self._observer.quantal_efficiency(grid, f)[0] / foveal) for f in nodes]
-        return np.asarray(np.interp(fraction, nodes, means))
-
     def rates(self, gaze_deg: np.ndarray, precision: Precision, device: str | None) -> np.ndarray:
         """Mean excitations a second, (frames, receptors)."""
         from isetcl.device.choose import find_device
@@ -217,3 +234,19 @@ class LightCatch:
         parts = [slice(first, first + step) for first in range(0, len(self._mosaic), step)]
         found = [sums.run(self.apertures[p], self.efficiencies(p), shifts) for p in parts]
         return np.concatenate(found, axis=1)
+
+
+def mean_segment_factor(
+    observer: Observer, wavelengths_nm: np.ndarray, fraction: np.ndarray
+) -> np.ndarray:
+    """ISETBio's factor of outer segments: L's absorptance over the fovea's, mean of wavelengths.
+
+    Parameters
+    ----------
+    fraction
+        Lengths over that of the fovea, (n,).
+    """
+    foveal = observer.quantal_efficiency(wavelengths_nm)[0]
+    nodes = np.linspace(fraction.min(), fraction.max(), _SEGMENT_NODES)
+    means = [np.mean(observer.quantal_efficiency(wavelengths_nm, f)[0] / foveal) for f in nodes]
+    return np.asarray(np.interp(fraction, nodes, means))

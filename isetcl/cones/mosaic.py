@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from isetcl.cones.excitations import Excitations
     from isetcl.cones.quality import MosaicQuality
     from isetcl.retina.image import RetinalImage
+    from isetcl.retina.places import IrradianceAtPlaces, Places
 
 Side = Literal["right", "left"]
 
@@ -272,7 +273,10 @@ class ConeMosaic:
         return dataclasses.replace(self, **both, provenance=history)
 
     def excitations(
-        self, image: RetinalImage, integration_time_s: float = 0.005, **options: Any
+        self,
+        image: RetinalImage | IrradianceAtPlaces,
+        integration_time_s: float = 0.005,
+        **options: Any,
     ) -> Excitations:
         """Mean excitations of every receptor by a retinal image; see `isetcl.cones.excitations`."""
         from isetcl.cones.excitations import excitations
@@ -287,6 +291,12 @@ class ConeMosaic:
         from isetcl.cones.quality import mosaic_quality
 
         return mosaic_quality(self, **options)
+
+    def places(self) -> Places:
+        """The apertures, for `isetcl.render`'s ``at``."""
+        from isetcl.retina.places import Places
+
+        return Places(self.positions_deg, 0.5 * self.aperture_um, self.aperture_shape == "gaussian")
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw the apertures, coloured by type; see `isetcl.cones.pictures.plot_mosaic`."""

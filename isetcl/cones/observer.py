@@ -178,7 +178,7 @@ class Observer:
     def fundamentals(self, wavelengths_nm: np.ndarray, age_years: float = 32.0) -> np.ndarray:
         """Cone fundamentals at the cornea, in energy, each with a peak of 1 on the grid, (3, n).
 
-        The lens is that of CIE 170-1 at an age of 20 to 80 years (from 400 nm; below it the
+        The lens is that of CIE 170-1 at an age of 20 to 80 years (from 390 nm; below it the
         template of Stockman & Rider 2023 scaled to it). Compare: CIE 170-1:2006; colour-science's
         Stockman & Sharpe fundamentals.
         """
@@ -201,12 +201,15 @@ class Observer:
 
 
 def _lens(grid: np.ndarray, age_years: float) -> np.ndarray:
-    """Density of the lens of CIE 170-1 by age, with the template's shape below 400 nm."""
+    """Density of the lens of CIE 170-1 by age: its table from 390 nm, below it the template."""
+    standard = standard_lens_density(grid)
+    if grid[0] < 390.0:
+        ends = np.array([390.0])
+        shape = template_lens_density(np.minimum(grid, 390.0)) / template_lens_density(ends)
+        standard = standard * shape
+    # What age adds is tabulated from 400 nm; at shorter waves the lens grows as it does there.
     nodes = np.unique(np.maximum(grid, 400.0))
-    ages = [ocular_density(age, nodes, "cie_170") for age in (age_years, _STANDARD_AGE)]
-    # The table of every nm is the standard's; what age adds comes from that of every 5 nm.
-    density = standard_lens_density(nodes) + ages[0] - ages[1]
-    short = template_lens_density(np.minimum(grid, 400.0)) / template_lens_density(
-        np.array([400.0])
-    )
-    return np.asarray(np.interp(grid, nodes, density) * np.where(grid < 400.0, short, 1.0))
+    aged, base = (ocular_density(age, nodes, "cie_170") for age in (age_years, _STANDARD_AGE))
+    added = np.interp(grid, nodes, aged - base)
+    from_400 = added[0] / base[0] if nodes[0] == 400.0 else 0.0
+    return np.asarray(np.where(grid < 400.0, standard * (1.0 + from_400), standard + added))

@@ -5,6 +5,7 @@
  */
 #include "lib/camera.cl"
 #include "lib/eye.cl"
+#include "lib/pixel.cl"
 #include "lib/scene.cl"
 #include "lib/sobol.cl"
 
@@ -67,7 +68,7 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
   row += (uint)camera->tile_y;
   column += (uint)camera->tile_x;
   uintv pixel_stream = mix_bits(mix_bits(row * (uint)camera->image_width + column) + stream);
-  realv left = real_from_int(int_from_uint(column)), top = real_from_int(int_from_uint(row));
+  const pixelv place = pixel_at(camera, eye_table, row, column);
   realv sum[N_BASIS];
 #pragma unroll
   for (int k = 0; k < N_BASIS; ++k) sum[k] = 0;
@@ -76,10 +77,9 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
     /* The first two dimensions are the best spread; the pupil needs them most. */
     realv u = sobol_coordinate(sample, 0, pixel_stream);
     realv v = sobol_coordinate(sample, 1, pixel_stream);
-    realv gx = mul_add(left + sobol_coordinate(sample, 2, pixel_stream), (realv)camera->step_x,
-                       (realv)camera->left);
-    realv gy = mul_add(top + sobol_coordinate(sample, 3, pixel_stream), (realv)camera->step_y,
-                       (realv)camera->top);
+    realv gx, gy;
+    point_in_pixel(camera, &place, sobol_coordinate(sample, 2, pixel_stream),
+                   sobol_coordinate(sample, 3, pixel_stream), &gx, &gy);
     rayv ray;
     realv weight = aim_from_retina(camera, pupil, elements, eye_table, gx, gy, u, v, &ray);
     bendsv bends;

@@ -16,9 +16,13 @@ class TileAccumulator:
     ----------
     tracked : ndarray, (quantities, channels)
         Linear combinations of film channels whose standard error is wanted.
+    keeps : bool
+        Whether the film of every replicate is kept in `kept`.
     """
 
-    def __init__(self, tracked: np.ndarray) -> None:
+    def __init__(self, tracked: np.ndarray, *, keeps: bool = False) -> None:
+        self._keeps = keeps
+        self.kept: list[tuple[np.ndarray, int]] = []
         self._tracked = tracked
         self._sum: np.ndarray | None = None
         self._samples = 0
@@ -40,6 +44,8 @@ class TileAccumulator:
     def add(self, film: np.ndarray, samples: int) -> None:
         """Add the mean film (channels, rows, columns) of a replicate of so many samples."""
         quantities = np.tensordot(self._tracked, film, axes=1)
+        if self._keeps:
+            self.kept.append((film.copy(), samples))
         if self._sum is None or self._pivot is None or self._squares is None:
             self._sum = film * samples
             self._pivot = quantities

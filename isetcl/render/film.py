@@ -18,6 +18,7 @@ from isetcl.render.plan import Plan
 from isetcl.retina.cone_noise import ConeNoise
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.image import RetinalImage, relative_error
+from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid
 from isetcl.spectrum import photopic_weights
 from isetcl.version import __version__
 
@@ -32,6 +33,7 @@ class Film:
         seed: int,
         cone_noise: ConeNoise | None = None,
     ) -> None:
+        self._keeps = prepared.config.places != "none"
         self._plan = prepared
         self._pipeline = pipeline
         self._seed = seed
@@ -53,7 +55,7 @@ class Film:
         self._error, self._error_at = math.nan, 0
 
     def _empty(self) -> list[TileAccumulator]:
-        return [TileAccumulator(self._tracked) for _ in self._tiles]
+        return [TileAccumulator(self._tracked, keeps=self._keeps) for _ in self._tiles]
 
     def restart(self) -> None:
         """Begin anew with other replicates; the old ones are kept until two new are finished."""
@@ -183,6 +185,27 @@ class Film:
             ),
             surfaces=surfaces,
             provenance=self._provenance() | details,
+        )
+
+    def at_places(self, details: dict[str, Any]) -> IrradianceAtPlaces:
+        """The irradiance at the places of a plan that has them, in the plan's precision."""
+        prepared = self._plan
+        grid = prepared.grid
+        assert isinstance(grid, PlaceGrid)
+        dtype = np.float32 if prepared.config.precision == "single" else np.float64
+        waves, n = len(prepared.wavelengths_nm), len(grid.listed)
+        samples = np.array([count for _, count in self._accumulators[0].kept[: self.replicates]])
+        values = np.empty((self.replicates, waves, *grid.shape), dtype=dtype)
+        for tile, accumulator in zip(self._tiles, self._accumulators, strict=True):
+            for number, (film, _) in enumerate(accumulator.kept[: self.replicates]):
+                window = (number, slice(None), *tile.window)
+                values[window] = np.tensordot(prepared.expansion, film, axes=1)
+        return IrradianceAtPlaces.from_replicates(
+            grid.listed,
+            prepared.wavelengths_nm,
+            values.reshape(self.replicates, waves, -1)[..., :n].copy(),
+            samples,
+            {"eye": prepared.eye.describe()} | self._provenance() | details,
         )
 
     def _provenance(self) -> dict[str, Any]:

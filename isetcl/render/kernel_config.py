@@ -20,6 +20,7 @@ class MaterialKind(IntEnum):
 
 
 Sampler = Literal["sobol", "random"]
+PlaceKind = Literal["none", "disc", "gaussian"]
 BendKind = Literal["none", "airy", "iset3d", "optrace", "isotropic"]
 _HURB_AXES: tuple[BendKind, ...] = ("iset3d", "optrace", "isotropic")
 
@@ -42,6 +43,8 @@ def eye_defines(config: KernelConfig | PathConfig) -> dict[str, int]:
             "HURB_AXES": _HURB_AXES.index(config.diffraction) if is_hurb else 0,
             "HAS_SCATTER": int(config.has_scatter),
             "RANDOM_SAMPLES": int(config.sampler == "random"),
+            "HAS_PLACES": int(config.places != "none"),
+            "HAS_GAUSSIAN_PLACES": int(config.places == "gaussian"),
         }
     )
 
@@ -76,6 +79,8 @@ class KernelConfig(EyeFeatures):
         Format of image texels: 1 or 3 floats, or 3 channels in one word.
     sampler
         Where samples come from: Owen-scrambled Sobol' points, or independent random numbers.
+    places
+        Pixels are apertures from a list instead of those of a grid: their shape.
     """
 
     precision: Precision
@@ -97,6 +102,7 @@ class KernelConfig(EyeFeatures):
     texture_channels: int = 3
     is_texture_packed: bool = False
     sampler: Sampler = "sobol"
+    places: PlaceKind = "none"
 
     def defines(self, device: Device) -> dict[str, int]:
         """The #defines, those of the device included."""
@@ -184,7 +190,7 @@ class PathConfig(EyeFeatures):
         Surfaces that let light pass.
     n_basis
         Film channels a band: the wavelengths a path carries.
-    sampler
+    sampler, places
         As in `KernelConfig`.
     """
 
@@ -225,6 +231,7 @@ class PathConfig(EyeFeatures):
     has_additive: bool = True
     n_basis: int = 4
     sampler: Sampler = "sobol"
+    places: PlaceKind = "none"
 
     @property
     def most_segments(self) -> int:

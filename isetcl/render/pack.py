@@ -18,6 +18,7 @@ from isetcl.eye.retina_form import relief, retina_element
 from isetcl.render.kernel_config import KernelConfig, MaterialKind
 from isetcl.render.sobol import directions
 from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.places import PlaceGrid
 from isetcl.scene.basis import SpectralBasis
 from isetcl.scene.mesh import Instance, Mesh
 from isetcl.scene.model import Disc, Quad, Scene, Sphere
@@ -43,6 +44,7 @@ CAMERA = Struct(
         Member("plane", "int"),
         Member("degree", "int"),
         Member("retina", "int"),
+        Member("places", "int"),
         Member("chord", length=MAX_TERMS),
         Member("depth", length=MAX_TERMS),
     ),
@@ -221,7 +223,8 @@ def pack_planes(
     pupils: np.ndarray,
     packed: PackedEye,
 ) -> np.ndarray:
-    """The table of an eye, and behind it the polynomials of its retina and pupils, if it has any.
+    """The table of an eye, and behind it the polynomials of its retina and pupils, if it has any,
+    and the places of a list of them.
 
     Where they begin is filled into the records of camera and pupils. The last element is the retina
     if it has a relief.
@@ -229,7 +232,7 @@ def pack_planes(
     functions = [bound.ellipse for bound in bounds if isinstance(bound, PlanePupilBound)]
     eye_table = packed.table
     if not functions:
-        return eye_table
+        return _with_places(grid, camera, eye_table)
     camera["retina"] = len(packed.elements) - 1
     used = len(eye_table)
     parts = [eye_table]
@@ -239,7 +242,19 @@ def pack_planes(
         record["plane"], record["degree"] = used, function.degree
         parts.append(numbers)
         used += len(numbers)
-    return np.concatenate(parts)
+    return _with_places(grid, camera, np.concatenate(parts))
+
+
+def _with_places(grid: RetinalGrid, camera: np.ndarray, table: np.ndarray) -> np.ndarray:
+    """The table with the places of a `PlaceGrid` at its end, in the field angles of the camera."""
+    if not isinstance(grid, PlaceGrid):
+        return table
+    is_plane = isinstance(grid.field_map, FieldPlane)
+    half = (grid.fov_deg[0] / 2.0, grid.fov_deg[1] / 2.0)
+    scale = half if is_plane else (grid.limit_deg, grid.limit_deg)
+    middle = grid.centre_deg if is_plane else (0.0, 0.0)
+    camera["places"] = len(table)
+    return np.concatenate([table, grid.table(scale, middle).ravel().astype(table.dtype)])
 
 
 def _fill(record: np.ndarray, name: str, coefficients: np.ndarray) -> None:

@@ -34,6 +34,7 @@ from isetcl.render.kernel_config import (
     TEXELS_PER_FOOTPRINT,
     KernelConfig,
     PathConfig,
+    PlaceKind,
     Sampler,
 )
 from isetcl.render.pack_paths import WAVELENGTHS_AT_ONCE
@@ -48,6 +49,7 @@ from isetcl.render.plan_paths import (
 )
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
 from isetcl.retina.grid import Centre, RetinalGrid
+from isetcl.retina.places import PlaceGrid, Places
 from isetcl.scene.basis import SpectralBasis, spectral_basis
 from isetcl.scene.model import Disc, Scene, Shape, Sphere
 from isetcl.scene.texture import Checkerboard, Image
@@ -167,6 +169,7 @@ def plan(
     diffraction: DiffractionChoice = "none",
     scatter: ScatterModel | None = None,
     sampler: Sampler = "sobol",
+    places: Places | None = None,
 ) -> Plan:
     """What rendering a scene through an eye will take, with reasons; see `render` for arguments.
 
@@ -179,6 +182,8 @@ def plan(
         textures are harmless.
     pipeline
         ``"paths"`` follows paths even where all surfaces only send out light.
+    places
+        Apertures instead of the pixels of `fov_deg`, `resolution` and `centre_deg`.
 
     Raises
     ------
@@ -187,7 +192,10 @@ def plan(
     """
     check_type("scene", scene, Scene)
     check_type("eye", eye, Eye)
-    grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
+    if places is None:
+        grid = RetinalGrid.of(eye, fov_deg, resolution, centre_deg)
+    else:
+        grid = PlaceGrid.around(eye, places)
     wavelengths = check_wavelengths(
         default_wavelengths_nm() if wavelengths_nm is None else wavelengths_nm
     )
@@ -226,6 +234,7 @@ def plan(
             vector_width=width,
             n_basis=_decide_basis(basis, notes),
             sampler=sampler,
+            places=_decide_places(places, notes),
             **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **_decide_shapes(scene, notes),  # type: ignore[arg-type]
             **_decide_textures(scene, shown, resolved, expected_error, notes),  # type: ignore[arg-type]
@@ -236,6 +245,7 @@ def plan(
             vector_width=width,
             is_fused=_decide_fused(chosen_device, notes),
             sampler=sampler,
+            places=_decide_places(places, notes),
             max_bounces=decide_bounces(scene, max_bounces, notes),
             **_decide_eye(eye, pupils, bends, grid.wavelength_nm, resolved, notes),
             **decide_features(scene, notes),  # type: ignore[arg-type]
@@ -257,6 +267,14 @@ def plan(
         media,
         bends,
     )
+
+
+def _decide_places(places: Places | None, notes: list[Decision]) -> PlaceKind:
+    if places is None:
+        return "none"
+    kind: PlaceKind = "gaussian" if places.is_gaussian else "disc"
+    notes.append(Decision("pixels", kind, f"{len(places)} apertures instead of a grid"))
+    return kind
 
 
 def _decide_media(

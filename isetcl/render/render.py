@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 import warnings
-from typing import Literal
+from typing import Literal, overload
 
 import numpy as np
 
 from isetcl.device.layout import Precision
-from isetcl.errors import check_count, check_type
+from isetcl.errors import InvalidInputError, check_count, check_type
 from isetcl.eye.bending.ray_bending import DiffractionChoice
 from isetcl.eye.model import Eye
 from isetcl.eye.people.ocular_media import OcularMedia
@@ -27,13 +27,65 @@ from isetcl.render.progress import Progress, ProgressCallback, display
 from isetcl.retina.cone_noise import ConeNoise
 from isetcl.retina.grid import Centre
 from isetcl.retina.image import RetinalImage
+from isetcl.retina.places import HasPlaces, IrradianceAtPlaces, Places
 from isetcl.scene.model import Scene
+
+
+@overload
+def render(
+    scene: Scene,
+    eye: Eye,
+    *,
+    at: None = ...,
+    fov_deg: float | tuple[float, float] = ...,
+    resolution: int | tuple[int, int] = ...,
+    centre_deg: Centre = ...,
+    spp: int | None = ...,
+    time_budget_s: float | None = ...,
+    target_error: float | None = ...,
+    wavelengths_nm: np.ndarray | None = ...,
+    bands: int | Literal["auto"] = ...,
+    precision: Precision | Literal["auto"] = ...,
+    max_bounces: int = ...,
+    layers: bool = ...,
+    media: OcularMedia | None = ...,
+    diffraction: DiffractionChoice = ...,
+    scatter: ScatterModel | None = ...,
+    sampler: Sampler = ...,
+    seed: int = ...,
+    device: str | None = ...,
+    progress: bool | ProgressCallback | None = ...,
+) -> RetinalImage: ...
+
+
+@overload
+def render(
+    scene: Scene,
+    eye: Eye,
+    *,
+    at: HasPlaces,
+    spp: int | None = ...,
+    time_budget_s: float | None = ...,
+    target_error: float | None = ...,
+    wavelengths_nm: np.ndarray | None = ...,
+    bands: int | Literal["auto"] = ...,
+    precision: Precision | Literal["auto"] = ...,
+    max_bounces: int = ...,
+    media: OcularMedia | None = ...,
+    diffraction: DiffractionChoice = ...,
+    scatter: ScatterModel | None = ...,
+    sampler: Sampler = ...,
+    seed: int = ...,
+    device: str | None = ...,
+    progress: bool | ProgressCallback | None = ...,
+) -> IrradianceAtPlaces: ...
 
 
 def render(
     scene: Scene,
     eye: Eye,
     *,
+    at: HasPlaces | None = None,
     fov_deg: float | tuple[float, float] = 10.0,
     resolution: int | tuple[int, int] = 256,
     centre_deg: Centre = (0.0, 0.0),
@@ -52,7 +104,7 @@ def render(
     seed: int = 0,
     device: str | None = None,
     progress: bool | ProgressCallback | None = None,
-) -> RetinalImage:
+) -> RetinalImage | IrradianceAtPlaces:
     """The retinal image of a scene by ray tracing, in absolute units, with its standard error.
 
     Rays start on the retina, pass the eye and meet the scene. The image is the same, bit for bit,
@@ -62,6 +114,11 @@ def render(
     ----------
     scene, eye
         What is seen, and by which eye (at the origin, looking along -z).
+    at
+        Apertures, such as those of a `ConeMosaic`, instead of the pixels of an image: rays start in
+        these only, and the result is an `IrradianceAtPlaces`, which
+        `ConeMosaic.excitations` takes in place of an image. `fov_deg`, `resolution`, `centre_deg`
+        and `layers` belong to images.
     fov_deg
         Field of view in degrees: the width (pixels are square), or (width, height).
     resolution
@@ -112,7 +169,7 @@ def render(
 
     Returns
     -------
-    RetinalImage
+    RetinalImage or IrradianceAtPlaces
         Interrupted by Ctrl-C, what was finished, with its error; ``is_complete`` in its provenance
         is then False.
 
@@ -126,6 +183,8 @@ def render(
     start = time.perf_counter()
     goal = Goal(spp, time_budget_s, target_error, start)
     check_type("layers", layers, bool)
+    is_image_asked = fov_deg != 10.0 or resolution != 256 or centre_deg != (0.0, 0.0) or layers
+    places = None if at is None else _places(at, is_image_asked=is_image_asked)
     seed = check_count("seed", seed, 0, (1 << 63) - 1)
     prepared = plan(
         scene,
@@ -143,6 +202,7 @@ def render(
         diffraction=diffraction,
         scatter=scatter,
         sampler=sampler,
+        places=places,
     )
     check_memory(prepared)
     if goal.cone_noise is not None:
@@ -173,6 +233,8 @@ def render(
         "transfer_s": prepared.device.transfer_s - transferred_s,
         "kernel": pipeline.kernel_digest,
     }
+    if places is not None:
+        return film.at_places(details)
     is_simple = not scene.has_meshes and all(item.is_opaque for item in scene.objects)
     if not layers and is_simple:
         # The host looks at a few analytic shapes sooner than a kernel is built.
@@ -191,3 +253,19 @@ def render(
         pipeline="paths",
     )
     return film.image(details, look_at(surveyed, DeviceScene(surveyed), everything=True))
+
+
+def _places(at: HasPlaces, *, is_image_asked: bool) -> Places:
+    """The apertures to render at; raise InvalidInputError for other things."""
+    if not callable(getattr(at, "places", None)):
+        raise InvalidInputError(
+            f"at must be a mosaic of cones or Places, got an object of type {type(at).__name__}"
+        )
+    if is_image_asked:
+        raise InvalidInputError(
+            "give at, or fov_deg, resolution, centre_deg and layers, not both: apertures say "
+            "themselves where they are"
+        )
+    places = at.places()
+    check_type("at.places()", places, Places)
+    return places

@@ -273,7 +273,7 @@ def _render_edge(
 
     fov, pixels, field, angle, distance = view
     scene = slanted_edge(_FAR_M if math.isinf(distance) else distance, angle)
-    return render(
+    return render(  # type: ignore[call-overload]
         scene,
         eye,
         fov_deg=fov,
@@ -282,7 +282,7 @@ def _render_edge(
         wavelengths_nm=grid,
         bands=len(grid),
         progress=False,
-        **options,  # type: ignore[arg-type]
+        **options,
     )
 
 

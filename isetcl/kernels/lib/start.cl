@@ -2,6 +2,7 @@
  */
 #include "lib/camera.cl"
 #include "lib/eye.cl"
+#include "lib/pixel.cl"
 #include "lib/sobol.cl"
 
 /* Rays as they leave the cornea: metres, unit vectors, and irradiance per unit radiance. */
@@ -28,10 +29,10 @@ INLINE void start_group(constant camera_t *camera, constant pupil_t *pupils,
   uintv pixel_stream = mix_bits(mix_bits(row * (uint)camera->image_width + column) + stream);
   realv u = sobol_coordinate(sample, 0, pixel_stream);
   realv v = sobol_coordinate(sample, 1, pixel_stream);
-  realv gx = mul_add(real_from_int(int_from_uint(column)) + sobol_coordinate(sample, 2, pixel_stream),
-                     (realv)camera->step_x, (realv)camera->left);
-  realv gy = mul_add(real_from_int(int_from_uint(row)) + sobol_coordinate(sample, 3, pixel_stream),
-                     (realv)camera->step_y, (realv)camera->top);
+  const pixelv place = pixel_at(camera, eye_table, row, column);
+  realv gx, gy;
+  point_in_pixel(camera, &place, sobol_coordinate(sample, 2, pixel_stream),
+                 sobol_coordinate(sample, 3, pixel_stream), &gx, &gy);
   rayv ray;
   realv carried = aim_from_retina(camera, pupils + band, elements, eye_table, gx, gy, u, v, &ray);
   bendsv bends;
