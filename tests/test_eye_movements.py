@@ -275,6 +275,7 @@ def expected_shift(distance_m):
     return -1.0 - math.degrees(math.atan(pupil_mm * math.sin(turn) / ahead))
 
 
+@pytest.mark.slow
 def test_near_things_shift_more_than_far_ones_when_the_eye_turns(grid_mosaic):
     near, near_shift = shift_by_turning(grid_mosaic, 0.12, [(0, 0), (1, 0), (0, 0)])
     _, far_shift = shift_by_turning(grid_mosaic, 5.0, [(0, 0), (1, 0)])
