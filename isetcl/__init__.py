@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from isetcl.render.plan import Plan, plan
     from isetcl.render.render import render
     from isetcl.render.trace import trace_rays
+    from isetcl.retina.cone_noise import ConeNoise
     from isetcl.retina.grid import RetinalGrid
     from isetcl.retina.image import RetinalImage
     from isetcl.retina.pinhole_view import PinholeView
@@ -142,6 +143,7 @@ _PLACES = {
     "isetcl.render.plan": ("Plan", "plan"),
     "isetcl.render.render": ("render",),
     "isetcl.render.trace": ("trace_rays",),
+    "isetcl.retina.cone_noise": ("ConeNoise",),
     "isetcl.retina.grid": ("RetinalGrid",),
     "isetcl.retina.image": ("RetinalImage",),
     "isetcl.retina.pinhole_view": ("PinholeView",),
@@ -188,6 +190,7 @@ __all__ = [
     "Coated",
     "ComplexIndex",
     "Conductor",
+    "ConeNoise",
     "ConstantIndex",
     "ContactLens",
     "CornuDispersion",

@@ -74,7 +74,8 @@ def cones(
         int | None, typer.Option(help="Samples a pixel, instead of --error or --render-time.")
     ] = None,
     error: Annotated[
-        float | None, typer.Option(help="Stop rendering at this relative error (default: 0.02).")
+        str | None,
+        typer.Option(help="Stop rendering at this error, as in `isetcl render` (default: 0.02)."),
     ] = None,
     render_time: Annotated[
         float | None, typer.Option(help="Stop rendering after about so many seconds (default: 60).")

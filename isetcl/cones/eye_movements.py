@@ -176,7 +176,7 @@ class EyeMovements:
         return float(np.sum(np.square(self.displacement_arcmin(lag_s))) / (4.0 * lag_s))
 
     def plot(self, ax: Axes | None = None, trials: int = 1) -> Axes:
-        """Draw the first paths over the visual field, microsaccades in thick lines; returns the axes."""
+        """Draw the first paths, microsaccades in thick lines; returns the axes."""
         import matplotlib.pyplot as plt
 
         count = check_count("trials", trials, 1, len(self))

@@ -37,7 +37,9 @@ class ConeNoise:
     cone, for the type, L, M or S, of which it is the largest.
 
     The cone is the standard observer's in the fovea, behind its macular pigment. A cone wider than
-    a pixel averages over several, and the error in its excitations is smaller than stated.
+    a pixel averages over several, and the error in its excitations is smaller than stated. In
+    renders at the receptors of a mosaic, pixels are the receptors, and the aperture is still this
+    one.
 
     Parameters
     ----------
