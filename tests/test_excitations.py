@@ -363,6 +363,7 @@ def test_provenance_and_labels_say_how_excitations_were_made():
     np.testing.assert_array_equal(made.of(2), made.of("S"))
     assert made.of("S").shape == (1, 1)
     assert made.of("ROD").shape == (1, 0)
+    assert repr(made).startswith("<Excitations of 2 receptors in 1 frame of 20 ms, mean ")
     for kind in ("K", 7, 1.5):
         with pytest.raises(InvalidInputError, match="receptor type"):
             made.of(kind)
@@ -398,6 +399,22 @@ def nan_image():
     values = np.full((8, 8), 1e-3)
     values[2, 3] = np.nan
     return image_of(values)
+
+
+@pytest.mark.parametrize("segments", ["spectral", "mean", "none"])
+def test_rods_catch_by_their_own_efficiency_wherever_they_lie(segments):
+    # Their outer segments do not follow those of the cones: (photons) (area) (efficiency).
+    image = image_of(np.full((12, 12), 1e-3), 24.0)
+    mosaic = mosaic_of(np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 3.0]]), [3, 3, 0], 3.0)
+    options = {"has_macular_pigment": False, "segments": segments, "precision": "double"}
+    found = mosaic.excitations(image, 0.02, **options).mean.values[0]
+    photons = 1e-3 * WAVES * 1e-9 / (6.62607015e-34 * 299792458.0)
+    area = np.pi * (0.5e-6 * 0.79 * 3.0) ** 2
+    rod = 0.02 * area * 10.0 * np.sum(photons * Observer().rod_efficiency(WAVES))
+    np.testing.assert_allclose(found[:2], rod, rtol=1e-9)
+    if segments == "none":
+        cone = 0.02 * area * 10.0 * np.sum(photons * Observer().quantal_efficiency(WAVES)[0])
+        assert found[2] == pytest.approx(cone, rel=1e-9)
 
 
 def descending_image():

@@ -263,6 +263,8 @@ def test_shorter_outer_segments_absorb_less():
         (lambda: Observer().rod_efficiency(np.array([395.0])), "400 to 780 nm"),
         (lambda: Observer().fundamentals(WAVES, age_years=12.0), "age_years"),
         (lambda: Observer.of_field(20.0), "field_deg"),
+        (lambda: Observer.of_field("2"), "field_deg"),
+        (lambda: Observer(optical_densities=0.5), "must name L, M and S"),
         (lambda: Observer().quantal_efficiency(WAVES, 0.0), "segment_fraction"),
     ],
 )

@@ -70,6 +70,18 @@ class Excitations:
             )
         self.dataset = dataset
 
+    def __repr__(self) -> str:
+        frames, receptors = self.mean.shape
+        means = []
+        for kind in ReceptorType:
+            own = self.of(kind.name).values
+            if own.size:
+                means.append(f"{own.mean(dtype=np.float64):.3g} {kind.name}")
+        return (
+            f"<Excitations of {receptors} receptors in {frames} frame{'s' * (frames > 1)} of "
+            f"{1e3 * self.integration_time_s:g} ms, mean {', '.join(means)}>"
+        )
+
     @property
     def mean(self) -> xarray.DataArray:
         """Mean excitations in one integration time, (frame, receptor)."""
@@ -202,11 +214,16 @@ class Excitations:
         """
         import xarray
 
+        check_type("path", path, (str, Path))
+        if not Path(path).is_file():
+            raise FileError(f"file {str(path)!r} does not exist")
         try:
             with xarray.open_dataset(path, engine="h5netcdf") as opened:
                 return cls(opened.load())
         except (OSError, ValueError, InvalidInputError) as error:
-            raise FileError(f"cannot read excitations from {str(path)!r}: {error}") from error
+            raise FileError(
+                f"file {str(path)!r} holds no excitations of isetcl: {error}"
+            ) from error
 
 
 def excitations(

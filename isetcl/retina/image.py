@@ -253,7 +253,11 @@ class RetinalImage:
         InvalidInputError
             If the image has a step of that label already, or a wavelength lies outside the model.
         """
-        check_type("step", step, Transmittance)
+        if not isinstance(step, Transmittance):
+            raise InvalidInputError(
+                "step must be one of isetcl.retina.transmittance(...) or macular_pigment(...), got "
+                f"an object of type {type(step).__name__}"
+            )
         if step.label in [each.label for each in self.steps]:
             raise InvalidInputError(
                 f"the image has come through {step.label!r} already; take "
