@@ -8,6 +8,7 @@ from scipy.special import erf
 import isetcl as ic
 from isetcl import retina
 from isetcl.cones import ConeMosaic, Excitations, Observer
+from isetcl.cones.light_catch import mean_segment_factor
 from isetcl.errors import FileError, InvalidInputError, OutOfMemoryError
 from isetcl.eye.people.macular_pigment import macular_fraction, standard_lens_density
 from isetcl.spectrum import luminous_efficiency
@@ -266,6 +267,30 @@ def test_receptors_that_touch_the_border_are_seen_whole(precision, spacing):
         mosaic.moved((0.01, 0.0)).excitations(image)
 
 
+@pytest.mark.parametrize("spacing", [1e-4, 4.0])
+def test_receptors_over_the_border_are_refused_however_small(spacing):
+    waves = np.array([450.0, 550.0])
+    image = image_of(np.full((2, 20, 4096), 1e-3), (4.096, 0.02), waves)
+    radius_px = 0.5 * 0.79 * spacing / (1e3 * np.ptp(image.dataset["x_mm"].values[10]) / 4095)
+    edge = 2.048 + 0.7e-3 * radius_px
+    with pytest.raises(InvalidInputError, match="1 of 1 receptors look beyond the image"):
+        mosaic_of(np.array([[edge, 0.0]]), spacing_um=spacing).excitations(image)
+
+
+def test_gaussians_must_lie_in_the_image_to_where_they_are_cut_off():
+    image = image_of(np.ones((40, 40)), 0.4)
+    per_deg = np.ptp(image.dataset["x_mm"].values[20].astype(float)) / (0.4 * 39 / 40)
+    for radii, is_inside in ((2.7, True), (2.5, False)):
+        mosaic = mosaic_of(np.zeros((1, 2)), spacing_um=20.0, aperture="gaussian")
+        edge = 0.2 - radii * 0.5e-3 * mosaic.aperture_um[0] / per_deg
+        for place in ((edge, 0.0), (-edge, 0.0), (0.0, edge), (0.0, -edge)):
+            if is_inside:
+                mosaic.moved(place).excitations(image)
+                continue
+            with pytest.raises(InvalidInputError, match="look beyond the image"):
+                mosaic.moved(place).excitations(image)
+
+
 def test_places_on_wide_images_are_exact_to_a_thousandth_of_a_pixel():
     # A sharp edge in pixel 3000 of 4096: what an aperture of one pixel sees is where it lies.
     values = np.zeros((2, 8, 4096))
@@ -295,6 +320,17 @@ def test_uneven_wavelength_steps_integrate_the_same_spectrum():
             image = image_of(spectrum[:, None, None] * np.ones((8, 8)), 6.0, waves)
             found.append(mosaic.excitations(image, segments=segments).mean.values[0])
         np.testing.assert_allclose(found[1], found[0], rtol=1e-3)
+
+
+def test_the_mean_segment_factor_is_a_mean_over_wavelengths_and_not_over_samples():
+    # Every nm where cones absorb little and the factor is small, every 5 nm elsewhere.
+    fraction = np.array([1.0, 0.7, 21.2 / 47.81])
+    observer, fine = Observer(), np.arange(400.0, 701.0)
+    crowded = np.concatenate([np.arange(400.0, 480.0), np.arange(480.0, 701.0, 5.0)])
+    found = mean_segment_factor(observer, crowded, fraction)
+    whole = observer.quantal_efficiency(fine)[0]
+    expected = [np.mean(observer.quantal_efficiency(fine, f)[0] / whole) for f in fraction]
+    np.testing.assert_allclose(found, expected, rtol=1e-3)
 
 
 def test_the_warning_of_coarse_pixels_names_a_resolution_that_is_enough(recwarn):
@@ -347,6 +383,13 @@ def test_instances_of_one_seed_are_not_those_of_the_next():
     )
     both = frames.counts.values.astype(float)
     assert abs(np.corrcoef(both)[0, 1]) < 0.25
+
+
+def test_anyone_can_draw_an_instance_again():
+    # The documented generator and key, so that files and other programs find the same numbers.
+    made = mosaic_of(np.zeros((30, 2))).excitations(image_of(np.full((16, 16), 1e-3)))
+    drawn = np.random.Generator(np.random.Philox(key=[5, 2])).poisson(made.mean.values)
+    np.testing.assert_array_equal(made.instances(3, seed=5)[2], drawn)
 
 
 def test_provenance_and_labels_say_how_excitations_were_made():
