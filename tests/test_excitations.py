@@ -143,6 +143,8 @@ def test_a_gaze_that_moves_is_a_mosaic_that_moves():
     path = np.array([[0.0, 0.0], [0.03, -0.01], [-0.02, 0.04]])
     frames = mosaic.excitations(image, gaze_deg=path, precision="double", frame_time_s=0.01)
     np.testing.assert_allclose(frames.dataset["time_s"], [0.0, 0.01, 0.02])
+    labels = np.stack([frames.dataset["gaze_x_deg"], frames.dataset["gaze_y_deg"]], axis=1)
+    np.testing.assert_array_equal(labels, path)
     for frame, step in zip(frames.mean.values, path, strict=True):
         # The eccentricity of the moved mosaic is still its own.
         still = mosaic.moved(step).excitations(image, precision="double")
@@ -504,5 +506,6 @@ def test_bad_input_is_refused(image, options, words):
 
 def test_instances_beyond_memory_are_refused():
     made = mosaic_of(np.zeros((3, 2)), [0, 1, 2]).excitations(image_of(np.ones((64, 64))))
-    with pytest.raises(InvalidInputError, match="GiB"):
-        made.instances(1 << 30)
+    # Three receptors of 4 bytes: 2.24 GiB.
+    with pytest.raises(InvalidInputError, match=r"need 2\.24 GiB"):
+        made.instances(200_000_000)

@@ -127,8 +127,8 @@ class Excitations:
         """Noisy instances: Poisson variables of the means, (instance, frame, receptor), uint32.
 
         Numbers of an instance depend on the seed and its place only: instance 7 is the same among
-        10 as among 1000. They come from a counter-based generator (Philox; Salmon et al. 2011), whose
-        key is (seed, number of the instance).
+        10 as among 1000. They come from a counter-based generator (Philox; Salmon et al. 2011) with
+        the key (seed, number of the instance).
 
         Raises
         ------
