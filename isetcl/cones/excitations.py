@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from isetcl.errors import (
     check_type,
     check_vectors,
 )
+from isetcl.output import save_dataset
 from isetcl.retina.image import RetinalImage
 from isetcl.retina.places import IrradianceAtPlaces
 
@@ -190,19 +190,7 @@ class Excitations:
         FileError
             If the file cannot be written.
         """
-        check_type("path", path, (str, Path))
-        target = Path(path)
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        try:
-            self.dataset.to_netcdf(temporary, engine="h5netcdf")
-            os.replace(temporary, target)
-        except OSError as error:
-            raise FileError(
-                f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
-            ) from error
-        finally:
-            temporary.unlink(missing_ok=True)
-        return target
+        return save_dataset(self.dataset, path)
 
     @classmethod
     def load(cls, path: str | Path) -> Excitations:

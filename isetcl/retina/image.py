@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
+from isetcl.output import save_dataset
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.transmittance import Transmittance
 from isetcl.spectrum import photopic_weights
@@ -390,22 +390,7 @@ class RetinalImage:
         FileError
             If the file cannot be written.
         """
-        check_type("path", path, (str, Path))
-        target = Path(path)
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        encoding = {
-            name: {"zlib": True, "complevel": 1, "shuffle": True} for name in self.dataset.data_vars
-        }
-        try:
-            self.dataset.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
-            os.replace(temporary, target)
-        except OSError as error:
-            raise FileError(
-                f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
-            ) from error
-        finally:
-            temporary.unlink(missing_ok=True)
-        return target
+        return save_dataset(self.dataset, path)
 
     @classmethod
     def load(cls, path: str | Path) -> RetinalImage:
