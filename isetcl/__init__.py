@@ -62,6 +62,7 @@ if TYPE_CHECKING:
     from isetcl.retina.grid import RetinalGrid
     from isetcl.retina.image import RetinalImage
     from isetcl.retina.pinhole_view import PinholeView
+    from isetcl.retina.places import IrradianceAtPlaces, Places
     from isetcl.scene import targets as scenes
     from isetcl.scene.colour import (
         blackbody,
@@ -146,6 +147,7 @@ _PLACES = {
     "isetcl.retina.grid": ("RetinalGrid",),
     "isetcl.retina.image": ("RetinalImage",),
     "isetcl.retina.pinhole_view": ("PinholeView",),
+    "isetcl.retina.places": ("IrradianceAtPlaces", "Places"),
     "isetcl.scene.colour": (
         "blackbody",
         "load_spd",
@@ -211,6 +213,7 @@ __all__ = [
     "Instance",
     "IntraocularLens",
     "InvalidInputError",
+    "IrradianceAtPlaces",
     "IsetclError",
     "KernelBuildError",
     "LightField",
@@ -223,6 +226,7 @@ __all__ = [
     "OutOfMemoryError",
     "PinholeView",
     "Placement",
+    "Places",
     "Plan",
     "PointLight",
     "PolynomialGradient",

@@ -126,7 +126,7 @@ def test_excitations_of_one_lux_are_the_published_ones(name):
 
 
 # Wavelength, nm; density of the lens; log10 absorbance of L, M, S; excitations per photon at the
-# retina (behind the macular pigment) and at the cornea, as evaluated elsewhere from these tables.
+# retina (behind macular pigment) and at the cornea, as evaluated elsewhere from the same tables.
 TABLE = np.array([
     [390, 2.5122, -0.9338, -1.0479, -0.1338, 0.0754, 0.0589, 0.2955, 0.0002, 0.0002, 0.0009],
     [400, 1.7649, -0.8835, -0.9707, -0.0499, 0.0764, 0.0633, 0.3061, 0.0013, 0.0011, 0.0053],
@@ -251,10 +251,20 @@ def test_shorter_outer_segments_absorb_less():
         (lambda: Observer(shifts_nm=(0.0, 99.0, 0.0)), "shift of M"),
         (lambda: Observer(pigments=("L", "X", "S")), "pigment of M"),
         (lambda: Observer(macular_peak_density=-0.1), "macular_peak_density"),
+        (lambda: Observer(shifts_nm=(0.0, 0.0)), "must name L, M and S"),
+        (lambda: Observer(model="leaf"), "pigment model"),
+        (lambda: Observer(photon_efficiency=1.5), "photon_efficiency"),
+        (lambda: Observer(rod_density=0.0), "rod_density"),
+        (lambda: Observer.dichromat("tritan"), "kind of dichromat"),
+        (lambda: Observer.anomalous("protan", 40.0), "separation_nm"),
+        (lambda: Observer().absorbances(np.array([550.0, 450.0])), "ascending"),
+        (lambda: absorbance("K", WAVES), "cone"),
         (lambda: Observer().absorbances(np.array([380.0])), "390 to 830 nm"),
         (lambda: Observer().rod_efficiency(np.array([395.0])), "400 to 780 nm"),
         (lambda: Observer().fundamentals(WAVES, age_years=12.0), "age_years"),
         (lambda: Observer.of_field(20.0), "field_deg"),
+        (lambda: Observer.of_field("2"), "field_deg"),
+        (lambda: Observer(optical_densities=0.5), "must name L, M and S"),
         (lambda: Observer().quantal_efficiency(WAVES, 0.0), "segment_fraction"),
     ],
 )
