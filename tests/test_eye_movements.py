@@ -204,7 +204,7 @@ def test_a_plot_shows_the_path():
     [
         ({"duration_s": 0.0}, "duration_s must be > 0"),
         ({"frame_time_s": -1.0}, "frame_time_s must be > 0"),
-        ({"trials": 0}, "trials must be >= 1"),
+        ({"trials": 0}, "trials must be between 1"),
         ({"microsaccades": "fixation"}, "fixation map"),
         ({"centre": "middle"}, "unknown centre"),
         ({"drift": 3}, "must be a DriftModel"),

@@ -96,6 +96,12 @@ def contrast_image(
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
+    check_type("values", values, xarray.DataArray)
+    if values.dims != ("frame", "receptor") or "type" not in values.coords:
+        raise InvalidInputError(
+            "values must have dimensions (frame, receptor) and types, as those of `contrast`, got "
+            f"dimensions {values.dims}"
+        )
     check_choice("kind", kind, [each.name for each in ReceptorType])
     side = check_count("resolution", resolution, 2, 8192)
     frame = check_count("frame", frame, 0, len(values) - 1)
@@ -263,9 +269,13 @@ def discrimination_threshold(
     InvalidInputError
         If the threshold does not lie between `low` and `high`.
     """
-    check_positive("low", low)
-    check_positive("tolerance", tolerance)
-    if not check_positive("high", high) > low:
+    if not callable(stimulus):
+        raise InvalidInputError(
+            f"stimulus must be a function of a level, got {type(stimulus).__name__}"
+        )
+    low, high = check_positive("low", low), check_positive("high", high)
+    tolerance = check_positive("tolerance", tolerance)
+    if not high > low:
         raise InvalidInputError(f"high must be > low, got low={low:g} and high={high:g}")
     wanted = d_prime_of(percent)
     nothing = stimulus(0.0) if reference is None else reference
