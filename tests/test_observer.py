@@ -81,6 +81,18 @@ def test_absorbance_and_efficiency_are_those_of_isetbio():
     assert 10 ** (-0.35 * unit) == pytest.approx(0.466430859836272, rel=1e-4)
 
 
+def test_below_its_table_the_lens_goes_on_as_the_template():
+    waves = np.array([365.0, 380.0, 390.0, 500.0, 600.0])
+    observer = Observer(model="stockman_rider_2023")
+    found = observer.fundamentals(waves)
+    template = template_lens_density(waves)
+    lens = 2.5122 * template[:3] / template[2]
+    bare = observer.quantal_efficiency(waves) * 10.0 ** -observer.macular_density(waves) * waves
+    expected = bare[:, :3] / bare[:, 2:3] * 10.0 ** (lens[2] - lens)
+    np.testing.assert_allclose(found[:, :3] / found[:, 2:3], expected, rtol=1e-9)
+    assert expected[2, 0] < 0.5
+
+
 # Excitations of L, M and S per um^2 of aperture and s at one photopic lux on the retina, 400 to 700
 # nm every nm, as evaluated elsewhere from the same tables: with the macular pigment of the fovea,
 # without any, with that at 10 degrees; and photons per m^2 and s in all.
