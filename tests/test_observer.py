@@ -185,6 +185,16 @@ def test_absorbances_go_on_in_the_infrared():
     assert moved[1] == pytest.approx(-6.477 + slope * 830.0 * (stretch - 1.0), abs=2e-3)
 
 
+def test_absorbances_go_on_in_the_ultraviolet():
+    # A pigment of S moved 20 nm to the red is read 18 nm before the table, which rises there from
+    # -0.1338 at 390 nm to -0.0000 at 420: the slope of those 30 nm.
+    moved = np.log10(absorbance("S", np.array([390.0, 391.0]), shift_nm=20.0))
+    squeeze = 416.9 / 436.9
+    slope = 0.1338 / 30.0
+    assert moved[1] - moved[0] == pytest.approx(squeeze * slope, rel=2e-3)
+    assert moved[0] == pytest.approx(-0.13385 + slope * 390.0 * (squeeze - 1.0), abs=1e-4)
+
+
 def test_macular_pigment_falls_as_measured():
     # Putnam & Bland 2014, Fig. 2B: eccentricity, deg, and density.
     measured = np.array([
