@@ -259,6 +259,15 @@ def test_the_nomogram_peaks_at_its_wavelength():
         assert curve.max() == pytest.approx(1.0, abs=0.01)
 
 
+def test_the_beta_band_has_its_published_place_height_and_width():
+    # Govardovskii et al. 2000, eqs. 4, 5a, 5b at 500 nm: 0.26 at 346.5 nm, 57 nm wide, over the
+    # alpha band's 1 / (exp(-14.9 (1.104 - 500 / nm)) + 0.674).
+    for nm, beta in ((346.5, 0.26), (403.5, 0.26 / np.e), (289.5, 0.26 / np.e)):
+        alpha = 1.0 / (np.exp(-14.9 * (1.104 - 500.0 / nm)) + 0.674)
+        found = float(govardovskii_absorbance(500.0, np.array([nm]))[0])
+        assert found == pytest.approx(alpha + beta, abs=1e-4)
+
+
 def test_shorter_outer_segments_absorb_less():
     # A thin layer absorbs in proportion to its length: ln(10) density absorbance.
     thin = Observer().quantal_efficiency(WAVES, 1e-4)
