@@ -466,8 +466,8 @@ def descending_image():
     return ic.RetinalImage(image_of(np.ones((8, 8))).dataset.isel(wavelength=slice(None, None, -1)))
 
 
-def crooked_image():
-    return ic.RetinalImage(image_of(np.ones((8, 8))).dataset.isel(x=[0, 1, 2, 3, 4, 7]))
+def crooked_image(fov_deg=0.4):
+    return ic.RetinalImage(image_of(np.ones((8, 8)), fov_deg).dataset.isel(x=[0, 1, 2, 3, 4, 7]))
 
 
 @pytest.mark.parametrize(
@@ -496,6 +496,7 @@ def crooked_image():
         (lambda: image_of(np.ones((8, 8)), waves=np.array([700.0, 840.0])), {}, "390 to 830 nm"),
         (descending_image, {}, "strictly ascending"),
         (crooked_image, {}, "equal steps along x"),
+        (lambda: crooked_image(1e-5), {}, "equal steps along x"),
     ],
 )
 def test_bad_input_is_refused(image, options, words):

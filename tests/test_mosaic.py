@@ -32,6 +32,15 @@ def test_a_hexagonal_lattice_has_its_spacing_everywhere_inside():
     np.testing.assert_allclose(spacing[inside], 0.003, rtol=1e-12)
 
 
+def test_spacing_is_a_median_of_medians():
+    places = np.random.default_rng(8).uniform(size=(60, 2))
+    apart = np.hypot(*(places[:, None] - places).T)
+    order = np.argsort(apart, axis=1)
+    medians = np.array([np.median(apart[i, order[i, 1:7]]) for i in range(60)])
+    expected = [np.median(medians[order[i, :7]]) for i in range(60)]
+    np.testing.assert_allclose(neighbour_spacing(places), expected, rtol=1e-12)
+
+
 def test_a_foveal_cone_of_250000_per_mm2_has_the_worked_example_s_aperture():
     # Spacing 2.1491 um, aperture 1.6978 um, area 2.2640 um^2: the arithmetic of 0.79 and hexagons.
     spacing = 1e3 * np.sqrt(2.0 / (np.sqrt(3.0) * 250000.0))
