@@ -58,9 +58,11 @@ if TYPE_CHECKING:
     from isetcl.render.plan import Plan, plan
     from isetcl.render.render import render
     from isetcl.render.trace import trace_rays
+    from isetcl.retina.cone_noise import ConeNoise
     from isetcl.retina.grid import RetinalGrid
     from isetcl.retina.image import RetinalImage
     from isetcl.retina.pinhole_view import PinholeView
+    from isetcl.retina.places import IrradianceAtPlaces, Places
     from isetcl.scene import targets as scenes
     from isetcl.scene.colour import (
         blackbody,
@@ -141,9 +143,11 @@ _PLACES = {
     "isetcl.render.plan": ("Plan", "plan"),
     "isetcl.render.render": ("render",),
     "isetcl.render.trace": ("trace_rays",),
+    "isetcl.retina.cone_noise": ("ConeNoise",),
     "isetcl.retina.grid": ("RetinalGrid",),
     "isetcl.retina.image": ("RetinalImage",),
     "isetcl.retina.pinhole_view": ("PinholeView",),
+    "isetcl.retina.places": ("IrradianceAtPlaces", "Places"),
     "isetcl.scene.colour": (
         "blackbody",
         "load_spd",
@@ -186,6 +190,7 @@ __all__ = [
     "Coated",
     "ComplexIndex",
     "Conductor",
+    "ConeNoise",
     "ConstantIndex",
     "ContactLens",
     "CornuDispersion",
@@ -208,6 +213,7 @@ __all__ = [
     "Instance",
     "IntraocularLens",
     "InvalidInputError",
+    "IrradianceAtPlaces",
     "IsetclError",
     "KernelBuildError",
     "LightField",
@@ -220,6 +226,7 @@ __all__ = [
     "OutOfMemoryError",
     "PinholeView",
     "Placement",
+    "Places",
     "Plan",
     "PointLight",
     "PolynomialGradient",

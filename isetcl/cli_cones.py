@@ -16,13 +16,16 @@ from isetcl import cli_scene
 from isetcl.cli_interrupt import end_interrupted
 from isetcl.cli_render import as_notes, goal_of
 from isetcl.errors import InvalidInputError, check_choice, check_count, check_finite, check_positive
+from isetcl.retina.image import RetinalImage
 
 if TYPE_CHECKING:
     from rich.table import Table
 
     from isetcl.cones.excitations import Excitations
     from isetcl.cones.mosaic import ConeMosaic
-    from isetcl.retina.image import RetinalImage
+    from isetcl.eye.model import Eye
+    from isetcl.retina.places import IrradianceAtPlaces
+    from isetcl.scene.model import Scene
 
 DEFAULT_FOV_DEG = 0.7
 _MARGIN = 1.12  # of the mosaic's field: what is rendered of the scene
@@ -42,6 +45,9 @@ _AGE_HELP = (
 )
 _SIZE_HELP = (
     "Pixels across the rendered image (default: three for the smallest aperture, 512 at most)."
+)
+_NO_IMAGE_HELP = (
+    "Trace rays to the cones alone, without an image: no --movie, --mat, --lux and --size."
 )
 _MOVIE_HELP = "Also write a fixation as a movie: its length, ms."
 
@@ -69,11 +75,13 @@ def cones(
         int | None, typer.Option(help="Samples a pixel, instead of --error or --render-time.")
     ] = None,
     error: Annotated[
-        float | None, typer.Option(help="Stop rendering at this relative error (default: 0.02).")
+        str | None,
+        typer.Option(help="Stop rendering at this error, as in `isetcl render` (default: 0.02)."),
     ] = None,
     render_time: Annotated[
         float | None, typer.Option(help="Stop rendering after about so many seconds (default: 60).")
     ] = None,
+    no_image: Annotated[bool, typer.Option("--no-image", help=_NO_IMAGE_HELP)] = False,
     movie: Annotated[float | None, typer.Option(metavar="MS", help=_MOVIE_HELP)] = None,
     mp4: Annotated[
         bool, typer.Option("--mp4", help="Write the movie as MP4 (needs ffmpeg), not as GIF.")
@@ -109,33 +117,35 @@ def cones(
     if movie is not None:
         check_positive("--movie", movie, "ms")
         check_movie(movie_file)
-    rendering = {
-        "eye": eye,
-        "pupil": pupil,
-        "focus": cli_scene.vergence(accommodation),
-        "goal": goal_of(spp, error, render_time),
-        "size": size,
-        "allow_outside": allow_outside,
-        "reach_deg": _reach(wanted, movie),
-        "seed": seed,
-        "device": device,
-    }
     is_image = Path(source).suffix.lower() == ".nc"
-    saved = _loaded(source, wanted) if is_image else None
-    check_folder(output)
+    if no_image and (is_image or mat or movie is not None or lux is not None or size is not None):
+        raise InvalidInputError(
+            "--no-image needs a scene, and leaves no image for --movie, --mat, --lux and --size"
+        )
+    focus = cli_scene.vergence(accommodation)
+    options = goal_of(spp, error, render_time) | {"seed": seed, "device": device}
+    looking = {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
     try:
         with as_notes():
+            saved = _loaded(source, wanted) if is_image else None
+            seen = None if is_image else _scene(source, eye, pupil, focus, allow_outside)
+            check_folder(output)
             mosaic = _mosaic(wanted, seed, device)
-            image = _rendered(source, mosaic, rendering) if saved is None else saved
-            was_interrupted = saved is None and not image.provenance["is_complete"]
-            image = _lit(image, wanted)
-            found = mosaic.excitations(image, 1e-3 * time, **_looking(wanted, seed, device))
-            written = _write(found, mosaic, image, output, mat=mat)
+            light: RetinalImage | IrradianceAtPlaces | None = saved
+            if seen is not None and no_image:
+                light = _at_the_cones(seen, mosaic, wanted, options)
+            elif seen is not None:
+                view = _view(mosaic, _reach(wanted, movie), size)
+                light = _rendered(seen, view | options)
+            if isinstance(light, RetinalImage):
+                light = _lit(light, wanted)
+            assert light is not None
+            found = mosaic.excitations(light, 1e-3 * time, **looking)
+            written = _write(found, mosaic, light, output, mat=mat)
+            was_interrupted = saved is None and not light.provenance["is_complete"]
             if movie is not None and not was_interrupted:
                 path = _gazes(movie, time, seed)
-                moving = mosaic.excitations(
-                    image, 1e-3 * time, gaze_deg=path, **_looking(wanted, seed, device)
-                )
+                moving = mosaic.excitations(light, 1e-3 * time, gaze_deg=path, **looking)
                 written.append(moving.movie(movie_file))
     except KeyboardInterrupt:
         end_interrupted(" before there were excitations to write")
@@ -186,8 +196,6 @@ def _reach(wanted: dict[str, Any], movie: float | None) -> float:
 
 def _loaded(source: str, wanted: dict[str, Any]) -> RetinalImage:
     """A saved image; raises, before there is a mosaic, if it does not hold the mosaic's field."""
-    from isetcl.retina.image import RetinalImage
-
     image = RetinalImage.load(source)
     left, right, bottom, top = image.extent_deg
     half = 0.5 * wanted["fov_deg"]
@@ -218,30 +226,39 @@ def _mosaic(wanted: dict[str, Any], seed: int, device: str | None) -> ConeMosaic
     )
 
 
-def _rendered(source: str, mosaic: ConeMosaic, how: dict[str, Any]) -> RetinalImage:
-    """The image of a scene around the mosaic."""
+def _scene(
+    source: str, eye: str, pupil: float, focus: float | str, allow_outside: bool
+) -> tuple[Scene, Eye]:
+    """What is looked at, and by which eye."""
+    seen = cli_scene.lit(cli_scene.read_scene(source, allow_outside=allow_outside), None)
+    return seen, cli_scene.accommodated(eye, pupil, focus, seen)
+
+
+def _view(mosaic: ConeMosaic, reach_deg: float, size: int | None) -> dict[str, Any]:
+    """Where an image around the mosaic lies, and its pixels."""
+    low, high = mosaic.extent_deg
+    field = 2.0 * reach_deg
+    if size is None:
+        finest = float(mosaic.aperture_deg.min()) / _PIXELS_PER_APERTURE
+        size = min(_MOST_PIXELS, max(2, math.ceil(field / finest)))
+    middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
+    return {"fov_deg": field, "resolution": size, "centre_deg": middle}
+
+
+def _rendered(seen: tuple[Scene, Eye], options: dict[str, Any]) -> RetinalImage:
     from isetcl.render.render import render as trace
 
-    loaded = cli_scene.read_scene(source, allow_outside=how["allow_outside"])
-    seen = cli_scene.lit(loaded, None)
-    model = cli_scene.accommodated(how["eye"], how["pupil"], how["focus"], seen)
-    low, high = mosaic.extent_deg
-    middle = (0.5 * (low[0] + high[0]), 0.5 * (low[1] + high[1]))
-    field = 2.0 * how["reach_deg"]
-    pixels = how["size"]
-    if pixels is None:
-        finest = float(mosaic.aperture_deg.min()) / _PIXELS_PER_APERTURE
-        pixels = min(_MOST_PIXELS, max(2, math.ceil(field / finest)))
-    return trace(
-        seen,
-        model,
-        fov_deg=field,
-        resolution=pixels,
-        centre_deg=middle,
-        seed=how["seed"],
-        device=how["device"],
-        **how["goal"],
-    )
+    return trace(*seen, **options)
+
+
+def _at_the_cones(
+    seen: tuple[Scene, Eye], mosaic: ConeMosaic, wanted: dict[str, Any], options: dict[str, Any]
+) -> IrradianceAtPlaces:
+    """The light in the apertures, behind the lens."""
+    from isetcl.render.render import render as trace
+
+    lens = wanted["lens"]
+    return trace(*seen, at=mosaic, media=None if lens is None else lens.medium, **options)
 
 
 def _lit(image: RetinalImage, wanted: dict[str, Any]) -> RetinalImage:
@@ -254,10 +271,6 @@ def _lit(image: RetinalImage, wanted: dict[str, Any]) -> RetinalImage:
     return image
 
 
-def _looking(wanted: dict[str, Any], seed: int, device: str | None) -> dict[str, Any]:
-    return {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
-
-
 def _gazes(movie_ms: float, time_ms: float, seed: int) -> np.ndarray:
     """Where the eye looks from frame to frame, (frames, 2), degrees."""
     from isetcl.cones.eye_movements import eye_movements
@@ -267,18 +280,21 @@ def _gazes(movie_ms: float, time_ms: float, seed: int) -> np.ndarray:
 
 
 def _write(
-    found: Excitations, mosaic: ConeMosaic, image: RetinalImage, folder: Path, *, mat: bool
+    found: Excitations,
+    mosaic: ConeMosaic,
+    light: RetinalImage | IrradianceAtPlaces,
+    folder: Path,
+    *,
+    mat: bool,
 ) -> list[Path]:
     """The data first, then pictures of them."""
     found.dataset.attrs["command"] = shlex.join(["isetcl", *sys.argv[1:]])
-    written = [
-        found.save(folder / "excitations.nc"),
-        mosaic.save(folder / "mosaic.nc"),
-        image.save(folder / "retina.nc"),
-    ]
-    if mat:
-        written.append(image.to_isetbio(folder / "opticalimage.mat"))
-        written.append(mosaic.to_isetbio(folder / "mosaic.mat"))
+    written = [found.save(folder / "excitations.nc"), mosaic.save(folder / "mosaic.nc")]
+    if isinstance(light, RetinalImage):
+        written.append(light.save(folder / "retina.nc"))
+        if mat:
+            written.append(light.to_isetbio(folder / "opticalimage.mat"))
+            written.append(mosaic.to_isetbio(folder / "mosaic.mat"))
     return written + _pictures(found, mosaic, folder)
 
 
@@ -328,5 +344,8 @@ def _report(found: Excitations, mosaic: ConeMosaic, written: list[Path]) -> None
 
     console = Console()
     console.print(table(found, mosaic))
+    if found.standard_error is not None:
+        share = float(np.sqrt(np.mean(found.standard_error.values**2)) / found.mean.values.mean())
+        console.print(f"error of the means {100 * share:.2g} %", highlight=False)
     names = ", ".join(path.name for path in written)
     console.print(f"{names} in {written[0].parent}/", highlight=False, soft_wrap=True)

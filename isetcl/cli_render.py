@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import shlex
 import sys
@@ -67,7 +68,11 @@ def render(
         int | None, typer.Option(help="Samples a pixel, instead of --error or --time.")
     ] = None,
     error: Annotated[
-        float | None, typer.Option(help="Stop at this relative error; 0.02 is 2 %.")
+        str | None,
+        typer.Option(
+            help="Stop at this relative error; 0.02 is 2 %. Or cone_noise:0.1, a tenth of the "
+            "noise of foveal cones within 5 ms."
+        ),
     ] = None,
     time: Annotated[float | None, typer.Option(help=_TIME_HELP)] = None,
     max_bounces: Annotated[int, typer.Option(help="Times light may be scattered.")] = 8,
@@ -131,18 +136,22 @@ def render(
     _report(image, seen, loaded, written)
 
 
-def goal_of(spp: int | None, error: float | None, time: float | None) -> dict[str, Any]:
+def goal_of(spp: int | None, error: str | float | None, time: float | None) -> dict[str, Any]:
     """When to stop, as arguments of `isetcl.render`."""
     from isetcl.render.goal import Goal
 
     if spp is None and error is None and time is None:
         error, time = DEFAULT_ERROR, DEFAULT_TIME_S
+    if isinstance(error, str):
+        # What is no number is another unit, which `Goal` knows or refuses.
+        with contextlib.suppress(ValueError):
+            error = float(error)
     if spp is not None and (error is not None or time is not None):
         raise InvalidInputError(
             "give --spp, or --error and --time, not both: a number of samples leaves nothing else "
             "to decide"
         )
-    if error is not None and error >= 1.0:
+    if isinstance(error, float) and error >= 1.0:
         raise InvalidInputError(
             f"--error must be a share below 1, got {error:g}; 0.02 stands for 2 %"
         )

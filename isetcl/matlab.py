@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from isetcl.errors import FileError, OutOfMemoryError, check_type
+from isetcl.output import replace_file
 
 _MOST_BYTES = (1 << 31) - (1 << 20)
 
@@ -35,23 +35,14 @@ def write_mat(path: str | Path, variables: dict[str, Any]) -> Path:
                 f"variable {name!r} needs {size / 2**30:.3g} GiB, and MATLAB files of version 7 "
                 "hold 2 GiB a variable; take fewer pixels or wavelengths"
             )
-    target = Path(path)
-    if not target.parent.is_dir():
-        raise FileError(
-            f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}; choose an "
-            "existing, writable one"
+
+    def write(file: Path) -> None:
+        # Without this MATLAB's ending would be put behind a name that has another.
+        scipy.io.savemat(
+            file, variables, do_compression=True, long_field_names=True, appendmat=False
         )
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp.mat")
-    try:
-        scipy.io.savemat(temporary, variables, do_compression=True, long_field_names=True)
-        os.replace(temporary, target)
-    except OSError as error:
-        raise FileError(
-            f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
-    return target
+
+    return replace_file(path, write)
 
 
 def read_mat(path: str | Path) -> dict[str, Any]:

@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from isetcl.errors import FileError
+from isetcl.errors import FileError, check_type
+
+if TYPE_CHECKING:
+    import xarray
 
 
 def check_folder(folder: Path, option: str = "--output") -> None:
@@ -21,20 +26,58 @@ def check_folder(folder: Path, option: str = "--output") -> None:
         ) from error
 
 
-def write_file(path: Path, data: bytes) -> Path:
-    """Write a file under a temporary name and move it into place; returns its path.
+def replace_file(path: str | Path, write: Callable[[Path], None]) -> Path:
+    """Have a file written under a temporary name and move it into place; returns its path.
+
+    A crash leaves what stood there before, and no half-written file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    write
+        Writes it to the path it is given, whose suffix is that of the file.
 
     Raises
     ------
     FileError
         If it cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    check_type("path", path, (str, Path))
+    target = Path(path)
+    if not target.parent.is_dir():
+        raise FileError(
+            f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}; choose an "
+            "existing, writable folder"
+        )
+    temporary = target.with_name(f".{os.getpid()}.tmp.{target.name}")
     try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
+        write(temporary)
+        os.replace(temporary, target)
     except OSError as error:
-        raise FileError(f"cannot write {str(path)!r}: {error}") from error
+        raise FileError(
+            f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
+        ) from error
     finally:
         temporary.unlink(missing_ok=True)
-    return path
+    return target
+
+
+def write_file(path: Path, data: bytes) -> Path:
+    """Write bytes to a file, as `replace_file` does; returns its path."""
+    return replace_file(path, lambda file: _write(file, data))
+
+
+def _write(file: Path, data: bytes) -> None:
+    file.write_bytes(data)
+
+
+def save_dataset(dataset: xarray.Dataset, path: str | Path) -> Path:
+    """Write a dataset as compressed NetCDF-4, as `replace_file` does; returns its path."""
+    packed = {"zlib": True, "complevel": 1, "shuffle": True}
+    numbers = [name for name, data in dataset.data_vars.items() if data.dtype.kind in "fiu"]
+
+    def write(file: Path) -> None:
+        dataset.to_netcdf(file, engine="h5netcdf", encoding=dict.fromkeys(numbers, packed))
+
+    return replace_file(path, write)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from scipy.special import ellipeinc
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.eye import sequential
@@ -239,7 +240,7 @@ def counted_irradiance(eye, field, side=700):
     return float(np.sum(weight * rays.passed))
 
 
-@pytest.mark.parametrize("field", [(0.0, 0.0), (20.0, -10.0)])
+@pytest.mark.parametrize("field", slow_after(0, [((0.0, 0.0),), ((20.0, -10.0),)]))
 def test_throughput_is_what_counted_rays_give(field):
     eye = crooked()
     got = plane_irradiance_per_radiance(eye, NM, eye.field_map(NM), np.array([field]))[0]
@@ -247,6 +248,7 @@ def test_throughput_is_what_counted_rays_give(field):
     assert got == pytest.approx(counted_irradiance(eye, field), rel=4e-4)
 
 
+@pytest.mark.slow
 def test_no_ray_that_passes_the_stop_lies_outside_the_bound():
     eye = crooked()
     grid = ic.RetinalGrid.of(eye, 20.0, 9, (5.0, -3.0))

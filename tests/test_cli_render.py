@@ -117,6 +117,8 @@ BAD = [
     (["uniform", "--spp", "1"], "spp must be between 2"),
     (["uniform", "--spp", "16", "--error", "0.1"], "give --spp, or --error and --time"),
     (["uniform", "--error", "0"], "target_error must be > 0"),
+    (["uniform", "--error", "little"], "'cone_noise:RATIO'"),
+    (["uniform", "--error", "cone_noise:0"], "ratio must be > 0"),
     (["uniform", "--time", "-1"], "time_budget_s must be > 0"),
     (["uniform", "--max-bounces", "-1"], "max_bounces must be"),
     (["uniform", "--from", "1,2"], "--from must be three numbers"),

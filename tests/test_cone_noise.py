@@ -97,6 +97,6 @@ def test_other_spellings_are_refused_before_any_work(target, message):
 
 def test_wavelengths_that_no_cone_sees_are_refused():
     for waves in (np.array([550.0]), np.array([900.0, 950.0])):
+        view = VIEW | {"bands": 1, "wavelengths_nm": waves}
         with pytest.raises(InvalidInputError, match="cone_noise needs two wavelengths"):
-            view = VIEW | {"bands": 1, "wavelengths_nm": waves}
             ic.render(SCENE, EYE, **view, target_error="cone_noise:0.1")

@@ -132,9 +132,29 @@ def test_a_scene_becomes_excitations_and_a_movie(isetcl, tmp_path):
     assert (tmp_path / "o" / "fixation.gif").is_file()
 
 
+@pytest.mark.slow
+def test_a_scene_may_be_looked_at_without_an_image(isetcl, tmp_path):
+    status, out, err = isetcl("slanted-edge", "--fov", "0.1", "--spp", "8", "--no-image", "-o", "o")
+    assert status == 0, err
+    assert "error of the means" in out
+    assert {p.name for p in (tmp_path / "o").iterdir()} == {
+        *("excitations.nc", "mosaic.nc", "excitations.png", "mosaic.png", "profile.png"),
+    }
+    found = ic.cones.Excitations.load(tmp_path / "o" / "excitations.nc")
+    assert found.standard_error.shape == found.mean.shape
+
+
+def test_a_scene_that_is_missing_is_refused_before_there_is_a_folder(isetcl, tmp_path):
+    status, _, err = isetcl("nothing.glb", "-o", "o")
+    assert status == 2
+    assert "nothing.glb" in err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        (["--no-image"], "--no-image needs a scene"),
         (["--fov", "0"], "--fov must be > 0"),
         (["--fov", "1"], "reaches beyond the image"),
         (["--centre", "1"], "--centre must be two numbers"),

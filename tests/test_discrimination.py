@@ -132,6 +132,29 @@ def test_noise_of_a_render_counts_as_a_difference():
     assert found == pytest.approx(0.1 * math.sqrt(2 * 4000), rel=0.05)
 
 
+def test_several_renders_take_their_noise_out_of_d_prime():
+    # True d' of 1 in 2000 receptors; errors of a tenth of the cones' noise would alone make 6.3.
+    # d'^2 is uncertain by 2 r^2 sqrt(n / 6) = 0.37 for four renders of each; by 0.067 for 30 tries.
+    rng = np.random.default_rng(4)
+    mean = rng.uniform(50.0, 150.0, 2000)
+    change = mean * (1 + rng.choice([-1, 1], 2000) / np.sqrt(2000 * mean.mean()))
+    truth = discriminate(excitations_of(mean), excitations_of(change)).d_prime
+    assert truth == pytest.approx(1.0, abs=0.01)
+
+    def renders(of):
+        noise = 0.1 * np.sqrt(of) * rng.standard_normal((4, 2000))
+        return [excitations_of(of + each) for each in noise]
+
+    found = [discriminate(renders(mean), renders(change)).d_prime ** 2 for _ in range(30)]
+    assert np.std(found) == pytest.approx(0.37, rel=0.45)
+    assert np.mean(found) == pytest.approx(truth**2, abs=4 * 0.067)
+    single = discriminate(renders(mean)[0], renders(change)[0]).d_prime
+    assert single > 6.0
+    nothing = [discriminate(renders(mean), renders(mean)).d_prime for _ in range(10)]
+    assert max(nothing) < 1.2
+    assert min(nothing) == 0.0
+
+
 def test_the_threshold_of_a_contrast_is_that_of_the_closed_form():
     # n cones of mean m: d' of contrast c is c sqrt(n m / (1 + c / 2)) to the third order.
     n, m = 50, 80.0
@@ -159,7 +182,13 @@ def test_bad_comparisons_are_refused():
     with pytest.raises(InvalidInputError, match="dark_rate_hz"):
         discriminate(one, excitations_of([0.0, 4.0]))
     with pytest.raises(InvalidInputError, match="must be an Excitations"):
+        discriminate(one, [3])
+    with pytest.raises(InvalidInputError, match="second must be an Excitations or list or tuple"):
         discriminate(one, 3)
+    with pytest.raises(InvalidInputError, match="as many, got 2 and 1"):
+        discriminate([one, one], one)
+    with pytest.raises(InvalidInputError, match="one render or more"):
+        discriminate([], [])
     with pytest.raises(InvalidInputError, match="background must excite every receptor"):
         contrast(one, excitations_of([0.0, 4.0]))
     with pytest.raises(InvalidInputError, match="one frame or 1"):

@@ -307,6 +307,7 @@ def test_a_verdict_never_claims_more_than_the_bound():
     assert not found.verdict().is_safe
 
 
+@pytest.mark.slow
 def test_methods_asked_for_together_get_the_bounds_they_get_alone():
     names = ["gather", "layered_sum"]
     both = error_bounds(step(), perfect_eye(), names, wavelengths_nm=ONE)
@@ -391,6 +392,7 @@ def assert_bounded(error, noise, bound, measurable=0.3):
     assert 1.0 <= np.median(bound[real] / error[real]) <= 3.0
 
 
+@pytest.mark.slow
 def test_ray_traced_errors_lie_below_the_bound():
     found = judged(*random_planes.planes(3), "layered_sum", pixels=24, spp=1024)
     assert_bounded(*found["layered_sum"])

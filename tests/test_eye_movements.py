@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 import isetcl as ic
 from isetcl.cones import ConeMosaic, DriftModel, EyeMovements, Microsaccades
+from isetcl.cones.microsaccades import FixationMap
 from isetcl.errors import InvalidInputError
 from isetcl.eye.turning import ROTATION_CENTRE_MM
 
@@ -151,6 +152,39 @@ def test_corrections_bring_the_gaze_back():
         assert np.quantile(late, 0.9) < 20.0
 
 
+def test_the_fixation_map_sends_the_gaze_to_the_best_place():
+    # Once at (4, -2) for 0.3 s, later at (-6, 2) for 0.2 s, arcmin. Each place has a blurred spot
+    # of its time, faded by the time since; the target is central and cold.
+    visits = FixationMap(2)
+    stays = (((4.0, -2.0), 0, 300), ((-6.0, 2.0), 300, 500))
+    for place, first, last in stays:
+        for t in range(first, last):
+            visits.add(t, np.array([place, (0.0, 0.0)]))
+    best, target = -1.0, None
+    nodes = range(-20, 21, 2)
+    remembered = [
+        sum(10 * math.exp(-(500 - t) / 500) for t in range(first + 10, last + 1, 10))
+        for _, first, last in stays
+    ]
+
+    def warmth(x, y):
+        total = 0.0
+        for weight, ((px, py), _, _) in zip(remembered, stays, strict=True):
+            if max(abs(x - px), abs(y - py)) < 7:  # the kernel reaches 2.5 standard deviations
+                total += weight * math.exp(-((x - px) ** 2 + (y - py) ** 2) / 8)
+        return total
+
+    hottest = max(warmth(x, y) for x in nodes for y in nodes)
+    for x in nodes:
+        for y in nodes:
+            wish = 0.5 * math.exp(-(x * x + y * y) / 450) + 0.5 * (1 - warmth(x, y) / hottest)
+            if wish > best + 1e-12:
+                best, target = wish, (x, y)
+    assert target not in ((0, 0), (4, -2), (-6, 2))
+    np.testing.assert_array_equal(visits.target(0, 15.0), target)
+    np.testing.assert_array_less(4.0, np.hypot(*visits.target(1, 15.0)))
+
+
 def test_one_step_of_a_frame_is_enough_for_its_flag():
     fine = ic.cones.eye_movements(4.0, 0.001, microsaccades="statistics", seed=8)
     coarse = ic.cones.eye_movements(4.0, 0.005, microsaccades="statistics", seed=8)
@@ -170,7 +204,7 @@ def test_a_plot_shows_the_path():
     [
         ({"duration_s": 0.0}, "duration_s must be > 0"),
         ({"frame_time_s": -1.0}, "frame_time_s must be > 0"),
-        ({"trials": 0}, "trials must be >= 1"),
+        ({"trials": 0}, "trials must be between 1"),
         ({"microsaccades": "fixation"}, "fixation map"),
         ({"centre": "middle"}, "unknown centre"),
         ({"drift": 3}, "must be a DriftModel"),
@@ -241,6 +275,7 @@ def expected_shift(distance_m):
     return -1.0 - math.degrees(math.atan(pupil_mm * math.sin(turn) / ahead))
 
 
+@pytest.mark.slow
 def test_near_things_shift_more_than_far_ones_when_the_eye_turns(grid_mosaic):
     near, near_shift = shift_by_turning(grid_mosaic, 0.12, [(0, 0), (1, 0), (0, 0)])
     _, far_shift = shift_by_turning(grid_mosaic, 5.0, [(0, 0), (1, 0)])

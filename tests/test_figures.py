@@ -157,6 +157,7 @@ def test_the_pawn_of_figure_7_stands_at_the_focus_on_the_axis():
     assert max(distances.values()) > 0.33
 
 
+@pytest.mark.slow
 def test_the_best_focus_is_where_the_paper_blurs_20_cycles_per_degree_least():
     import isetcl as ic
     from isetcl.figures.edge_transfer import best_distance_m

@@ -17,6 +17,7 @@ from path_views import (
     quad_mesh,
     radiance_of,
 )
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.device.choose import find_device
@@ -78,7 +79,7 @@ def test_an_instance_is_the_mesh_in_place(where, look):
     assert images[0].mean() == pytest.approx(images[1].mean(), rel=3e-3)
 
 
-@pytest.mark.parametrize("determinant", [1, -1])
+@pytest.mark.parametrize("determinant", slow_after(1, [-1, 1]))
 def test_glass_is_inside_an_instance_however_it_is_mirrored(determinant):
     """A lossless body under an even sky is unseen only if its inside is where its index is."""
     matrix = placed((0.05 * determinant, 0.05, 0.05), at=(0, 0, -0.5))
@@ -177,7 +178,7 @@ def test_the_frame_of_a_mesh_costs_no_precision(offset):
 TILT = placed(1.0, 33.0, (3, 1, 2))[:3, :3]
 
 
-@pytest.mark.parametrize("size", [10.0, 1e4, 1e7])
+@pytest.mark.parametrize("size", slow_after(1, [1e4, 10.0, 1e7]))
 @pytest.mark.parametrize("kind", ["quad", "disc", "mesh", "instance", "sphere"])
 def test_surfaces_do_not_shadow_themselves_however_large_they_are(size, kind):
     """A tilted plane 1.5 m below the eye, or a ball so far below, under an even sky."""

@@ -32,6 +32,15 @@ def test_a_hexagonal_lattice_has_its_spacing_everywhere_inside():
     np.testing.assert_allclose(spacing[inside], 0.003, rtol=1e-12)
 
 
+def test_spacing_is_a_median_of_medians():
+    places = np.random.default_rng(8).uniform(size=(60, 2))
+    apart = np.hypot(*(places[:, None] - places).T)
+    order = np.argsort(apart, axis=1)
+    medians = np.array([np.median(apart[i, order[i, 1:7]]) for i in range(60)])
+    expected = [np.median(medians[order[i, :7]]) for i in range(60)]
+    np.testing.assert_allclose(neighbour_spacing(places), expected, rtol=1e-12)
+
+
 def test_a_foveal_cone_of_250000_per_mm2_has_the_worked_example_s_aperture():
     # Spacing 2.1491 um, aperture 1.6978 um, area 2.2640 um^2: the arithmetic of 0.79 and hexagons.
     spacing = 1e3 * np.sqrt(2.0 / (np.sqrt(3.0) * 250000.0))
@@ -123,6 +132,56 @@ def test_receptors_that_cannot_be_are_refused(change, message):
     given = {"positions_deg": [[0.0, 0.0], [0.1, 0.0]], "types": [0, 1], **change}
     with pytest.raises(InvalidInputError, match=message):
         ConeMosaic.from_positions(given.pop("positions_deg"), given.pop("types"), **given)
+
+
+def test_receptors_are_chosen_by_mask_or_number(patch):
+    mask = patch.types == 1
+    np.testing.assert_array_equal(patch.select(mask).types, 1)
+    some = patch.select([7, 3, -1])
+    np.testing.assert_array_equal(some.positions_deg, patch.positions_deg[[7, 3, -1]])
+    np.testing.assert_array_equal(some.spacing_um, patch.spacing_um[[7, 3, -1]])
+    for which, message in [
+        (np.zeros(300, bool), "no receptor is left"),
+        ([], "no receptor is left"),
+        (mask[:5], "mask of 300 receptors"),
+        ([300], r"0 to 299, got int64 .* from 300 to 300"),
+        ("L", "mask of 300 receptors"),
+        ([0.5], "mask of 300 receptors"),
+    ]:
+        with pytest.raises(InvalidInputError, match=message):
+            patch.select(which)
+
+
+def test_a_rectangle_holds_what_lies_within_half_its_sides(patch):
+    part = patch.within((0.6, 1.2), (3.1, -1.9))
+    offset = np.abs(part.positions_deg - (3.1, -1.9))
+    assert offset[:, 0].max() <= 0.3
+    assert offset[:, 1].max() <= 0.6
+    every = np.abs(patch.positions_deg - (3.1, -1.9))
+    assert len(part) == np.sum((every[:, 0] <= 0.3) & (every[:, 1] <= 0.6))
+    with pytest.raises(InvalidInputError, match=r"no receptor lies within .* spans x 2\.\d+ to"):
+        patch.within(0.1, (50.0, 0.0))
+    with pytest.raises(InvalidInputError, match="by_deg"):
+        patch.moved(3.0)
+
+
+def test_places_decide_the_sizes_of_receptors():
+    places = hexagonal(0.01, 6) + np.array([4.86, 0.0])
+    mosaic = ConeMosaic.from_positions(places, np.zeros(len(places), int), scale=0.3)
+    middle = np.argmin(np.hypot(*(places - (4.86, 0.0)).T))
+    # 0.01 deg at 0.3 mm a degree; 21.2 um at 4.86 deg (Banks et al. 1991).
+    assert mosaic.spacing_um[middle] == pytest.approx(3.0, rel=1e-6)
+    assert mosaic.aperture_um[middle] == pytest.approx(0.79 * 3.0, rel=1e-6)
+    assert mosaic.outer_segment_um[middle] == pytest.approx(21.2, rel=1e-6)
+    far = ConeMosaic.from_positions(
+        [[40.17, 0.0]], [0], spacing_um=10.0, has_rod_intrusion=True, scale=0.3
+    )
+    # Banks et al. 1991: 1.71 arcmin of 3.59 are inner segment.
+    assert far.aperture_um[0] == pytest.approx(0.79 * 10.0 * 1.71 / 3.59)
+    np.testing.assert_allclose(
+        rod_intrusion(np.array([2.04, 5.08, 9.92, 19.95])), [0.932, 0.735, 0.702, 0.540], atol=6e-4
+    )
+    np.testing.assert_allclose(outer_segment_um(np.array([1.82, 9.86, 19.78])), [26.16, 21.2, 21.2])
 
 
 def test_an_eye_without_an_axis_is_no_scale():

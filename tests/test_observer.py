@@ -81,6 +81,18 @@ def test_absorbance_and_efficiency_are_those_of_isetbio():
     assert 10 ** (-0.35 * unit) == pytest.approx(0.466430859836272, rel=1e-4)
 
 
+def test_below_its_table_the_lens_goes_on_as_the_template():
+    waves = np.array([365.0, 380.0, 390.0, 500.0, 600.0])
+    observer = Observer(model="stockman_rider_2023")
+    found = observer.fundamentals(waves)
+    template = template_lens_density(waves)
+    lens = 2.5122 * template[:3] / template[2]
+    bare = observer.quantal_efficiency(waves) * 10.0 ** -observer.macular_density(waves) * waves
+    expected = bare[:, :3] / bare[:, 2:3] * 10.0 ** (lens[2] - lens)
+    np.testing.assert_allclose(found[:, :3] / found[:, 2:3], expected, rtol=1e-9)
+    assert expected[2, 0] < 0.5
+
+
 # Excitations of L, M and S per um^2 of aperture and s at one photopic lux on the retina, 400 to 700
 # nm every nm, as evaluated elsewhere from the same tables: with the macular pigment of the fovea,
 # without any, with that at 10 degrees; and photons per m^2 and s in all.
@@ -126,7 +138,7 @@ def test_excitations_of_one_lux_are_the_published_ones(name):
 
 
 # Wavelength, nm; density of the lens; log10 absorbance of L, M, S; excitations per photon at the
-# retina (behind the macular pigment) and at the cornea, as evaluated elsewhere from the same tables.
+# retina (behind macular pigment) and at the cornea, as evaluated elsewhere from the same tables.
 TABLE = np.array([
     [390, 2.5122, -0.9338, -1.0479, -0.1338, 0.0754, 0.0589, 0.2955, 0.0002, 0.0002, 0.0009],
     [400, 1.7649, -0.8835, -0.9707, -0.0499, 0.0764, 0.0633, 0.3061, 0.0013, 0.0011, 0.0053],
@@ -171,6 +183,16 @@ def test_absorbances_go_on_in_the_infrared():
     slope = (-6.477 - np.log10(absorbance("L", np.array([800.0]))[0])) / 30.0
     assert moved[1] - moved[0] == pytest.approx(stretch * slope, rel=2e-3)
     assert moved[1] == pytest.approx(-6.477 + slope * 830.0 * (stretch - 1.0), abs=2e-3)
+
+
+def test_absorbances_go_on_in_the_ultraviolet():
+    # A pigment of S moved 20 nm to the red is read 18 nm before the table, which rises there from
+    # -0.1338 at 390 nm to -0.0000 at 420: the slope of those 30 nm.
+    moved = np.log10(absorbance("S", np.array([390.0, 391.0]), shift_nm=20.0))
+    squeeze = 416.9 / 436.9
+    slope = 0.1338 / 30.0
+    assert moved[1] - moved[0] == pytest.approx(squeeze * slope, rel=2e-3)
+    assert moved[0] == pytest.approx(-0.13385 + slope * 390.0 * (squeeze - 1.0), abs=1e-4)
 
 
 def test_macular_pigment_falls_as_measured():
@@ -237,6 +259,15 @@ def test_the_nomogram_peaks_at_its_wavelength():
         assert curve.max() == pytest.approx(1.0, abs=0.01)
 
 
+def test_the_beta_band_has_its_published_place_height_and_width():
+    # Govardovskii et al. 2000, eqs. 4, 5a, 5b at 500 nm: 0.26 at 346.5 nm, 57 nm wide, over the
+    # alpha band's 1 / (exp(-14.9 (1.104 - 500 / nm)) + 0.674).
+    for nm, beta in ((346.5, 0.26), (403.5, 0.26 / np.e), (289.5, 0.26 / np.e)):
+        alpha = 1.0 / (np.exp(-14.9 * (1.104 - 500.0 / nm)) + 0.674)
+        found = float(govardovskii_absorbance(500.0, np.array([nm]))[0])
+        assert found == pytest.approx(alpha + beta, abs=1e-4)
+
+
 def test_shorter_outer_segments_absorb_less():
     # A thin layer absorbs in proportion to its length: ln(10) density absorbance.
     thin = Observer().quantal_efficiency(WAVES, 1e-4)
@@ -251,10 +282,20 @@ def test_shorter_outer_segments_absorb_less():
         (lambda: Observer(shifts_nm=(0.0, 99.0, 0.0)), "shift of M"),
         (lambda: Observer(pigments=("L", "X", "S")), "pigment of M"),
         (lambda: Observer(macular_peak_density=-0.1), "macular_peak_density"),
+        (lambda: Observer(shifts_nm=(0.0, 0.0)), "must name L, M and S"),
+        (lambda: Observer(model="leaf"), "pigment model"),
+        (lambda: Observer(photon_efficiency=1.5), "photon_efficiency"),
+        (lambda: Observer(rod_density=0.0), "rod_density"),
+        (lambda: Observer.dichromat("tritan"), "kind of dichromat"),
+        (lambda: Observer.anomalous("protan", 40.0), "separation_nm"),
+        (lambda: Observer().absorbances(np.array([550.0, 450.0])), "ascending"),
+        (lambda: absorbance("K", WAVES), "cone"),
         (lambda: Observer().absorbances(np.array([380.0])), "390 to 830 nm"),
         (lambda: Observer().rod_efficiency(np.array([395.0])), "400 to 780 nm"),
         (lambda: Observer().fundamentals(WAVES, age_years=12.0), "age_years"),
         (lambda: Observer.of_field(20.0), "field_deg"),
+        (lambda: Observer.of_field("2"), "field_deg"),
+        (lambda: Observer(optical_densities=0.5), "must name L, M and S"),
         (lambda: Observer().quantal_efficiency(WAVES, 0.0), "segment_fraction"),
     ],
 )

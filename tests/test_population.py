@@ -38,6 +38,12 @@ def test_the_diffraction_limit_has_its_table():
     limits[4.0] = [0.9499, 0.8998, 0.8002, 0.6055, 0.4214]
     for pupil, table in limits.items():
         assert human_mtf.diffraction_mtf(cpd, pupil, 550.0) == pytest.approx(table, abs=6e-5)
+    found = human_mtf.diffraction_mtf(np.array([10.0, 20.0, 30.0, 40.0, 60.0]), 3.0, 550.0)
+    assert found == pytest.approx([0.8665, 0.7345, 0.6055, 0.4812, 0.2544], abs=6e-5)
+    half_cutoff = np.pi * 3.0e6 / (180.0 * 550.0) / 2
+    assert float(human_mtf.diffraction_mtf(half_cutoff, 3.0, 550.0)) == pytest.approx(
+        0.391, abs=5e-4
+    )
     assert float(human_mtf.diffraction_mtf(63.46, 2.0, 550.0)) > 0.0
     assert float(human_mtf.diffraction_mtf(63.48, 2.0, 550.0)) == 0.0
 

@@ -6,7 +6,7 @@ from scipy.special import erf
 
 import isetcl as ic
 from isetcl.cones import ConeMosaic
-from isetcl.errors import InvalidInputError
+from isetcl.errors import InvalidInputError, OutOfMemoryError
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.plan import plan
 from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid, Places, mean_and_error
@@ -126,6 +126,31 @@ def test_cones_agree_with_the_image_route_within_their_error(cones, at_the_cones
 
 
 @pytest.mark.slow
+def test_images_of_finer_pixels_come_nearer_to_the_cones_off_the_axis():
+    # Pixels smear apertures by the square of their width: from one to four in an aperture the
+    # difference must fall 8 times or more (16 without noise), at depth edges 15 deg from the axis.
+    scene, mosaic = ic.scenes.two_planes(0.5, 2.0), ic.cones.mosaic(0.4, (12.0, 9.0))
+    options = {"wavelengths_nm": WAVES[[0, 2]], "bands": 2}
+    light = ic.render(scene, EYE, at=mosaic, spp=4096, **options)
+    wanted = mosaic.excitations(light).mean.values[0]
+    differences = []
+    for pixels in (14, 56):
+        image = ic.render(
+            scene,
+            EYE,
+            fov_deg=0.44,
+            resolution=pixels,
+            centre_deg=(12.0, 9.0),
+            spp=4096 * 14**2 // pixels**2 * 2,
+            **options,
+        )
+        found = mosaic.excitations(image).mean.values[0]
+        differences.append(np.sqrt(np.mean((found - wanted) ** 2)) / wanted.mean())
+    assert differences[1] < differences[0] / 8
+    assert differences[1] < 0.01
+
+
+@pytest.mark.slow
 def test_the_standard_error_is_the_spread_of_other_seeds(cones):
     # Eight seeds: the variance of 170 cones has over 1000 degrees of freedom together.
     runs = [
@@ -198,6 +223,13 @@ def test_errors_of_weighted_sums_count_what_wavelengths_share_once():
     expected = shared[:, 0].std(axis=0, ddof=1) / np.sqrt(6)
     np.testing.assert_allclose(light.standard_error.values[0], expected, rtol=1e-12)
     assert np.isnan(mean_and_error(shared[:1], np.array([8]))[1]).all()
+
+
+def test_a_list_that_does_not_fit_is_refused_beforehand(monkeypatch):
+    monkeypatch.setattr("isetcl.memory.available_bytes", lambda: 10_000_000)
+    many = Places(np.zeros((10_000, 2)), np.full(10_000, 2.0))
+    with pytest.raises(OutOfMemoryError, match=r"10000 apertures and 31 wavelengths needs .* GiB"):
+        ic.render(EDGE, EYE, at=many)
 
 
 def test_what_cannot_be_rendered_at_is_refused(cones, at_the_cones):

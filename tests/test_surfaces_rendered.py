@@ -103,6 +103,7 @@ def test_rays_that_leave_an_eye_lead_back_to_their_point_of_the_retina(name, pre
     assert error.max() < (1e-4 if precision == "single" else 1e-7)
 
 
+@pytest.mark.slow
 def test_direct_and_path_pipelines_draw_the_same_image_through_an_irregular_eye():
     films = []
     for pipeline, kernel in (("auto", DirectPipeline), ("paths", PathPipeline)):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from path_views import HALF, PINHOLE, UNIT, chief_rays, pixels_of, quad_mesh, radiance_of
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.scene.view import intersect
@@ -68,7 +69,7 @@ def test_a_spectral_picture_weighs_every_channel():
     np.testing.assert_allclose(found[inside], expected[inside], rtol=0.02)
 
 
-@pytest.mark.parametrize("shape", ["quad", "mesh"])
+@pytest.mark.parametrize("shape", slow_after(1, ["quad", "mesh"]))
 def test_mixed_materials_are_weighed_by_a_texture(shape):
     """White and black, by a picture: reflectance 1 - weight; a nested mix multiplies."""
     black, white = ic.Diffuse(UNIT.scaled(0.0)), ic.Diffuse(UNIT)
@@ -83,6 +84,7 @@ def test_mixed_materials_are_weighed_by_a_texture(shape):
     assert np.corrcoef(found[inside], expected[inside])[0, 1] > 0.95
 
 
+@pytest.mark.slow
 def test_roughness_may_be_a_texture():
     """Two fields of a board are as rough as two plain mirrors."""
     sky = ic.Environment(UNIT, ic.Image(np.linspace(0.0, 2.0, 12)[:, None] ** 2 * np.ones(8)))
@@ -119,7 +121,7 @@ def test_texture_coordinates_far_outside_stay_among_the_weights(name, far):
     assert found[inside].max() < high + 1e-3
 
 
-@pytest.mark.parametrize("reflects", [False, True])
+@pytest.mark.parametrize("reflects", slow_after(1, [True, False]))
 def test_a_mesh_without_coordinates_has_the_texture_of_its_corner(reflects):
     texture = ic.Checkerboard(2, 2, 0.7, 0.1)
     material = ic.Diffuse(UNIT, texture) if reflects else ic.Emission(UNIT, texture)

@@ -36,6 +36,46 @@ def test_the_lens_takes_its_share_at_every_wavelength(image):
     assert behind.steps[0].medium.age_years == 32.0
 
 
+def test_errors_of_the_illuminance_follow_the_light(image):
+    behind = image.through(retina.transmittance(60.0))
+    # As many lux of noise per lux of light before as behind.
+    before = image.dataset["illuminance_standard_error"] / image.illuminance_lux
+    after = behind.dataset["illuminance_standard_error"] / behind.illuminance_lux
+    np.testing.assert_allclose(after, before, rtol=1e-6)
+    assert float(behind.illuminance_lux.mean()) < 0.95 * float(image.illuminance_lux.mean())
+
+
+def test_light_absorbed_and_light_let_through_are_all_of_it(image):
+    # T = 10^-D of the density that the same model gives; CIE 170-1 at 450 nm, 32 years: 0.2629.
+    step = retina.transmittance(32.0, "cie_170")
+    through = step.at(np.array([450.0]), np.zeros(1), np.zeros(1))
+    assert through.ravel() == pytest.approx(10**-0.262880, rel=1e-5)
+    assert (1.0 - through).ravel() == pytest.approx(1 - 10**-0.262880, rel=1e-5)
+    # Image of one kind of pigment, at the fovea 0.35 at 458 nm by default.
+    fovea = retina.macular_pigment().at(np.array([458.0]), np.zeros(1), np.zeros(1))
+    assert fovea.ravel() == pytest.approx(10**-0.35, rel=1e-6)
+
+
+def test_the_place_of_a_step_among_others_does_not_matter(image):
+    lens, pigment = retina.transmittance(50.0), retina.macular_pigment(0.4, (0.0, 1.0))
+    one, other = image.through(lens).through(pigment), image.through(pigment).through(lens)
+    np.testing.assert_allclose(one.irradiance, other.irradiance, rtol=1e-12)
+    assert [each.label for each in one.without("media").steps] == ["macular pigment"]
+    assert one.without("media").steps[0].medium == pigment.medium
+    np.testing.assert_allclose(
+        one.without("media").irradiance, image.through(pigment).irradiance, rtol=1e-12
+    )
+
+
+def test_light_that_did_not_come_through_cannot_come_back():
+    waves = np.array([300.0, 500.0])
+    grid = ic.RetinalGrid.of(ic.eyes.navarro(), 1.0, (2, 2))
+    image = ic.RetinalImage.from_arrays(grid, waves, np.ones((2, 2, 2), dtype=np.float32))
+    dark = image.through(retina.transmittance(90.0, "cie_203"))
+    with pytest.raises(InvalidInputError, match=r"'media' lets .* at 300 nm; undoing it needs"):
+        dark.without("media")
+
+
 def test_macular_pigment_is_densest_where_the_fovea_looks(image):
     behind = image.through(retina.macular_pigment(0.5, (1.0, -2.0)))
     share = (behind.irradiance / image.irradiance).sel(wavelength=460.0).values
@@ -87,6 +127,15 @@ def test_the_template_is_the_mean_observer_s_lens_and_grows_with_age():
         (lambda _: retina.transmittance(model="glass"), "model of the ocular media"),
         (lambda _: retina.macular_pigment(-0.1), "peak_density"),
         (lambda _: retina.macular_pigment(model="leaf"), "pigment model"),
+        (lambda _: retina.macular_pigment(0.3, (0.0,)), "fovea_deg"),
+        (lambda _: retina.transmittance(age=81.0), "20 to 80|between 20 and 80"),
+        (lambda _: retina.transmittance(age=101.0, model="cie_203"), "age_years"),
+        (lambda _: retina.Transmittance(3, retina.macular_pigment().medium), "label"),
+        (lambda _: retina.Transmittance("glass", "glass"), "medium"),
+        (
+            lambda image: image.through(retina.macular_pigment()).through(retina.macular_pigment()),
+            "already",
+        ),
     ],
 )
 def test_bad_input_is_refused(image, act, words):

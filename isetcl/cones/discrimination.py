@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -96,6 +96,12 @@ def contrast_image(
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
+    check_type("values", values, xarray.DataArray)
+    if values.dims != ("frame", "receptor") or "type" not in values.coords:
+        raise InvalidInputError(
+            "values must have dimensions (frame, receptor) and types, as those of `contrast`, got "
+            f"dimensions {values.dims}"
+        )
     check_choice("kind", kind, [each.name for each in ReceptorType])
     side = check_count("resolution", resolution, 2, 8192)
     frame = check_count("frame", frame, 0, len(values) - 1)
@@ -144,7 +150,9 @@ class Discrimination:
     by_type: dict[str, float] = field(default_factory=dict)
 
 
-def discriminate(first: Excitations, second: Excitations) -> Discrimination:
+def discriminate(
+    first: Excitations | Sequence[Excitations], second: Excitations | Sequence[Excitations]
+) -> Discrimination:
     """d' of an ideal observer who knows both means and sees one Poisson instance of each.
 
     With means a and b, all frames and receptors counting as independent,
@@ -154,32 +162,64 @@ def discriminate(first: Excitations, second: Excitations) -> Discrimination:
     The observer has the log-likelihood ratio normally distributed, which needs many receptors or
     many excitations. Source: Geisler 1984, J Opt Soc Am A 1:775; two intervals: Phi(d' / sqrt(2)).
 
+    The noise of renders counts as a difference between stimuli: two images of one scene, each with
+    an error of r times the cones' noise (``target_error="cone_noise:r"``), have d' = r sqrt(2 n) in
+    n receptors and frames whose errors are independent: 14 for 0.1 and 10 000. Several independent
+    renders of each stimulus take this out: of products of differences, only those of different
+    renders are summed, whose noise has a mean of zero. What is left of the noise makes d'^2
+    uncertain by 2 r^2 sqrt(n / (k (k - 1) / 2)) for k renders of each; a sum below zero counts as
+    0.
+
+    Parameters
+    ----------
+    first, second
+        Excitations by the stimuli, of the same receptors and frames; or, of each, those of as many
+        renders with seeds of their own.
+
     Raises
     ------
     InvalidInputError
         If receptors, frames or integration times differ, or one stimulus leaves a receptor quite
         dark and the other does not.
     """
-    check_type("first", first, Excitations)
-    _check_alike(first, second, "second")
-    a, b = (each.mean.values.astype(np.float64) for each in (first, second))
-    if a.shape != b.shape:
-        raise InvalidInputError(f"both stimuli must have as many frames, got {len(a)} and {len(b)}")
-    if not np.isclose(first.integration_time_s, second.integration_time_s, rtol=1e-9, atol=0.0):
+    for name, each in (("first", first), ("second", second)):
+        check_type(name, each, (Excitations, list, tuple))
+    renders = [[each] if isinstance(each, Excitations) else list(each) for each in (first, second)]
+    if not renders[0] or len(renders[0]) != len(renders[1]):
         raise InvalidInputError(
-            f"both stimuli must have one integration time, got {first.integration_time_s:g} and "
-            f"{second.integration_time_s:g} s"
+            "both stimuli must have one render or more, and as many, got "
+            f"{len(renders[0])} and {len(renders[1])}"
         )
-    odd = int(np.count_nonzero((a > 0) != (b > 0)))
-    if odd:
+    check_type("first", renders[0][0], Excitations)
+    for each in renders[0][1:]:
+        _check_comparable(renders[0][0], each, "first")
+    for each in renders[1]:
+        _check_comparable(renders[0][0], each, "second")
+    a, b = (np.stack([each.mean.values.astype(np.float64) for each in kind]) for kind in renders)
+    odd = int(np.count_nonzero(np.any(a > 0, axis=0) != np.any(b > 0, axis=0)))
+    if odd or np.any((a > 0) != (a[:1] > 0)) or np.any((b > 0) != (b[:1] > 0)):
         raise InvalidInputError(
-            f"{odd} means are 0 for one stimulus only, where a single excitation would settle it; "
-            "give both a dark_rate_hz"
+            "some means are 0 for one stimulus or one render only, where a single excitation would "
+            "settle it; give all a dark_rate_hz"
         )
+    types = renders[0][0].types
     d_prime = _d_prime(a, b)
-    kinds = {kind.name: first.types == kind for kind in ReceptorType}
-    by_type = {name: _d_prime(a[:, own], b[:, own]) for name, own in kinds.items() if own.any()}
+    kinds = {kind.name: types == kind for kind in ReceptorType}
+    by_type = {name: _d_prime(a[..., own], b[..., own]) for name, own in kinds.items() if own.any()}
     return Discrimination(d_prime, percent_correct(d_prime), by_type)
+
+
+def _check_comparable(first: Excitations, other: Excitations, name: str) -> None:
+    _check_alike(first, other, name)
+    if first.mean.shape != other.mean.shape:
+        raise InvalidInputError(
+            f"{name} must have as many frames, got {len(first.mean)} and {len(other.mean)}"
+        )
+    times = first.integration_time_s, other.integration_time_s
+    if not np.isclose(*times, rtol=1e-9, atol=0.0):
+        raise InvalidInputError(
+            f"{name} must have one integration time, got {times[0]:g} and {times[1]:g} s"
+        )
 
 
 def percent_correct(d_prime: float) -> float:
@@ -198,24 +238,23 @@ def d_prime_of(percent: float) -> float:
 
 
 def discrimination_threshold(
-    stimulus: Callable[[float], Excitations],
+    stimulus: Callable[[float], Excitations | Sequence[Excitations]],
     low: float,
     high: float,
     *,
     percent: float = 75.0,
-    reference: Excitations | None = None,
+    reference: Excitations | Sequence[Excitations] | None = None,
     tolerance: float = 1e-3,
 ) -> float:
     """The level at which an ideal observer is right in so many per cent of two-interval choices.
 
     Levels are halved on a logarithmic scale, so d' should grow with the level. Each takes one call
-    of `stimulus`, which may render; noise of a render counts as a difference between stimuli, so
-    render to a fraction of the cones' noise, ``target_error="cone_noise:0.1"``.
+    of `stimulus`, which may render; see `discriminate` about the noise of renders.
 
     Parameters
     ----------
     stimulus
-        Excitations at a level, such as a contrast.
+        Excitations at a level, such as a contrast; or those of several renders.
     low, high
         Levels that enclose the threshold, both > 0.
     percent
@@ -230,9 +269,13 @@ def discrimination_threshold(
     InvalidInputError
         If the threshold does not lie between `low` and `high`.
     """
-    check_positive("low", low)
-    check_positive("tolerance", tolerance)
-    if not check_positive("high", high) > low:
+    if not callable(stimulus):
+        raise InvalidInputError(
+            f"stimulus must be a function of a level, got {type(stimulus).__name__}"
+        )
+    low, high = check_positive("low", low), check_positive("high", high)
+    tolerance = check_positive("tolerance", tolerance)
+    if not high > low:
         raise InvalidInputError(f"high must be > low, got low={low:g} and high={high:g}")
     wanted = d_prime_of(percent)
     nothing = stimulus(0.0) if reference is None else reference
@@ -256,10 +299,21 @@ def discrimination_threshold(
 
 
 def _d_prime(a: np.ndarray, b: np.ndarray) -> float:
-    seen = a > 0
-    ratio = np.log(b[seen] / a[seen])
-    variance = 0.5 * np.sum((a[seen] + b[seen]) * np.square(ratio))
-    return float(np.sum((b[seen] - a[seen]) * ratio) / np.sqrt(variance)) if variance > 0 else 0.0
+    """d' from means by render, (renders, frames, receptors)."""
+    seen = a[0] > 0
+    a, b = a[:, seen], b[:, seen]
+    ratio = np.log(b / a)
+    signal = _product(b - a, ratio)
+    variance = _product(0.5 * (a + b).mean(axis=0) * ratio, ratio)
+    return float(signal / np.sqrt(variance)) if signal > 0 and variance > 0 else 0.0
+
+
+def _product(u: np.ndarray, v: np.ndarray) -> float:
+    """The sum of u v over receptors; of several renders, the mean over pairs of different ones."""
+    n = len(u)
+    if n == 1:
+        return float(np.sum(u * v))
+    return float((np.sum(u.sum(axis=0) * v.sum(axis=0)) - np.sum(u * v)) / (n * (n - 1)))
 
 
 def _check_alike(first: Excitations, other: Excitations, name: str) -> None:

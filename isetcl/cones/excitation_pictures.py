@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -13,7 +12,6 @@ from isetcl.cones.excitations import Excitations
 from isetcl.cones.pictures import COLOURS, MOST_DISCS
 from isetcl.cones.receptors import ReceptorType
 from isetcl.errors import (
-    FileError,
     InvalidInputError,
     check_choice,
     check_count,
@@ -21,6 +19,7 @@ from isetcl.errors import (
     check_positive,
     check_type,
 )
+from isetcl.output import replace_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -196,17 +195,7 @@ def write_movie(
         )
     speed = check_count("frames_per_s", frames_per_s, 1, 50)
     width = check_count("width_px", width_px, 100, 4000)
-    temporary = target.with_name(f".{target.stem}.{os.getpid()}{target.suffix}")
-    try:
-        _write_frames(excitations, values, temporary, speed, width)
-        os.replace(temporary, target)
-    except OSError as error:
-        raise FileError(
-            f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
-    return target
+    return replace_file(target, lambda file: _write_frames(excitations, values, file, speed, width))
 
 
 def check_movie(path: Path) -> None:

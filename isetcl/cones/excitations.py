@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from isetcl.errors import (
     check_type,
     check_vectors,
 )
+from isetcl.output import save_dataset
 from isetcl.retina.image import RetinalImage
 from isetcl.retina.places import IrradianceAtPlaces
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from isetcl.device.layout import Precision
 
 _MOST_BYTES = 2 << 30
+_MOST_EXCITATIONS = 4e9  # 32 bits hold 4.29e9; Poisson spread is 6e4 there
 
 
 class Excitations:
@@ -61,13 +62,24 @@ class Excitations:
                 "excitations need a variable 'mean' with dimensions (frame, receptor); this "
                 "dataset has none"
             )
+        missing = {"integration_time_s", "seed"} - set(dataset.attrs)
+        if "type" not in dataset.coords or missing:
+            raise InvalidInputError(
+                "excitations need a coordinate 'type' and the attributes 'integration_time_s' and "
+                "'seed', which this dataset lacks; use those that a mosaic made"
+            )
         self.dataset = dataset
 
     def __repr__(self) -> str:
         frames, receptors = self.mean.shape
+        means = []
+        for kind in ReceptorType:
+            own = self.of(kind.name).values
+            if own.size:
+                means.append(f"{own.mean(dtype=np.float64):.3g} {kind.name}")
         return (
-            f"<Excitations of {receptors} receptors in {frames} frames, "
-            f"{1e3 * self.integration_time_s:g} ms each, mean {float(self.mean.mean()):.4g}>"
+            f"<Excitations of {receptors} receptors in {frames} frame{'s' * (frames > 1)} of "
+            f"{1e3 * self.integration_time_s:g} ms, mean {', '.join(means)}>"
         )
 
     @property
@@ -101,29 +113,28 @@ class Excitations:
         return dict(json.loads(self.dataset.attrs.get("provenance", "{}")))
 
     def of(self, kind: str | int) -> xarray.DataArray:
-        """Means of the receptors of one type, ``"L"``, ``"M"``, ``"S"`` or ``"ROD"``; (frame, n).
+        """Means of the receptors of one type, ``"L"``, ``"M"``, ``"S"`` or ``"ROD"``, or 0 to 3.
 
-        Raises
-        ------
-        InvalidInputError
-            If there is no such type.
+        Dimensions (frame, receptor); a mosaic without such receptors gives none.
         """
         if isinstance(kind, str):
-            number = ReceptorType[check_choice("kind", kind, ReceptorType.__members__)].value
+            number = ReceptorType[check_choice("receptor type", kind, ReceptorType.__members__)]
         else:
-            number = check_count("kind", kind, 0, len(ReceptorType) - 1)
+            number = ReceptorType(check_count("receptor type", kind, 0, len(ReceptorType) - 1))
         return self.mean.isel(receptor=np.flatnonzero(self.types == number))
 
     def instances(self, count: int = 1, seed: int = 0) -> xarray.DataArray:
         """Noisy instances: Poisson variables of the means, (instance, frame, receptor), uint32.
 
         Numbers of an instance depend on the seed and its place only: instance 7 is the same among
-        10 as among 1000. They come from a counter-based generator (Philox; Salmon et al. 2011).
+        10 as among 1000. They come from a counter-based generator (Philox; Salmon et al. 2011) with
+        the key (seed, number of the instance).
 
         Raises
         ------
         InvalidInputError
-            If they need more than 2 GB; ask for fewer, or one seed at a time.
+            If they need more than 2 GiB; ask for fewer, or one seed at a time. If a mean is over
+            4e9, beyond what a count holds.
         """
         import xarray
 
@@ -135,6 +146,12 @@ class Excitations:
             raise InvalidInputError(
                 f"{count} instances of {mean.shape[0]} frames and {mean.shape[1]} receptors need "
                 f"{size / 2**30:.3g} GiB, and at most 2 are made at once; ask for fewer"
+            )
+        brightest = float(mean.max())
+        if not brightest <= _MOST_EXCITATIONS:
+            raise InvalidInputError(
+                f"mean excitations must be at most {_MOST_EXCITATIONS:g} to be counted, got "
+                f"{brightest:g}; shorten integration_time_s"
             )
         counts = np.empty((count, *mean.shape), dtype=np.uint32)
         for i in range(count):
@@ -173,19 +190,7 @@ class Excitations:
         FileError
             If the file cannot be written.
         """
-        check_type("path", path, (str, Path))
-        target = Path(path)
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        try:
-            self.dataset.to_netcdf(temporary, engine="h5netcdf")
-            os.replace(temporary, target)
-        except OSError as error:
-            raise FileError(
-                f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
-            ) from error
-        finally:
-            temporary.unlink(missing_ok=True)
-        return target
+        return save_dataset(self.dataset, path)
 
     @classmethod
     def load(cls, path: str | Path) -> Excitations:
@@ -198,11 +203,16 @@ class Excitations:
         """
         import xarray
 
+        check_type("path", path, (str, Path))
+        if not Path(path).is_file():
+            raise FileError(f"file {str(path)!r} does not exist")
         try:
             with xarray.open_dataset(path, engine="h5netcdf") as opened:
                 return cls(opened.load())
         except (OSError, ValueError, InvalidInputError) as error:
-            raise FileError(f"cannot read excitations from {str(path)!r}: {error}") from error
+            raise FileError(
+                f"file {str(path)!r} holds no excitations of isetcl: {error}"
+            ) from error
 
 
 def excitations(
@@ -224,7 +234,12 @@ def excitations(
 
     The spectral irradiance is averaged over each receptor's own aperture, exactly in area, and
     weighted by its pigment behind the macular pigment of its own eccentricity. Media in front of
-    the retina belong to the image: `RetinalImage.through` puts them there.
+    the retina belong to the image: render with ``media=``, or put them there by
+    `RetinalImage.through`; without a lens S cones catch several times as much.
+
+    The spectrum is summed in bins that reach half-way to the neighbours, as in the image's
+    illuminance, so that steps need not be even; they should be fine enough for the spectrum, 10 nm
+    for smooth ones.
 
     Parameters
     ----------
@@ -260,13 +275,23 @@ def excitations(
     ------
     InvalidInputError
         If receptors look beyond the image, or an argument is out of range.
+    OutOfMemoryError
+        If the means do not fit; their size is said.
+
+    Warns
+    -----
+    UserWarning
+        If pixels are wider than the smallest aperture; the resolution needed is said.
     """
     check_type("mosaic", mosaic, ConeMosaic)
     check_type("image", image, (RetinalImage, IrradianceAtPlaces))
     check_positive("integration_time_s", integration_time_s, "s")
     step = (
-        integration_time_s if frame_time_s is None else check_positive("frame_time_s", frame_time_s)
+        integration_time_s
+        if frame_time_s is None
+        else check_positive("frame_time_s", frame_time_s, "s")
     )
+    check_count("seed", seed, 0, (1 << 63) - 1)
     if not (np.isfinite(check_number("dark_rate_hz", dark_rate_hz)) and dark_rate_hz >= 0):
         raise InvalidInputError(f"dark_rate_hz must be finite and >= 0 Hz, got {dark_rate_hz}")
     check_choice("segments", segments, ("spectral", "mean", "none"))
@@ -288,9 +313,11 @@ def excitations(
     else:
         catch = LightCatch(mosaic, image, watcher, segments, has_macular_pigment)
         catch.check_inside(gaze)
+        catch.check_memory(len(gaze), precision)
         if catch.is_coarse:
             warnings.warn(catch.coarse_message, stacklevel=3)
-        mean = catch.rates(gaze, precision, device) * mean_type(integration_time_s, precision)
+        mean = catch.rates(gaze, precision, device)
+        mean *= mean_type(integration_time_s, precision)
     mean += mean_type(dark_rate_hz * integration_time_s, precision)
     details = {
         "integration_time_s": integration_time_s,
@@ -345,7 +372,7 @@ def _labelled(
         },
         attrs={
             "integration_time_s": float(integration_time_s),
-            "seed": check_count("seed", seed, 0, (1 << 63) - 1),
+            "seed": int(seed),
             "provenance": json.dumps(details, default=_plain),
         },
     )

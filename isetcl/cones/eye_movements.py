@@ -19,6 +19,8 @@ import numpy as np
 from isetcl.cones.microsaccades import MICROSACCADES, MicrosaccadeModel, Microsaccades
 from isetcl.errors import (
     InvalidInputError,
+    check_array,
+    check_between,
     check_choice,
     check_count,
     check_finite,
@@ -36,6 +38,7 @@ _WARM_UP_STEPS = 2000
 _VELOCITY_ORDER = 3
 _TRIALS_AT_ONCE = 256
 _MOST_BYTES = 2 << 30
+_SHORTEST_S, _LONGEST_S = 1e-6, 1e6
 # Word of the counter that keeps these streams apart from those of other noise of the same seed.
 _DRIFT_STREAM = 1
 
@@ -97,8 +100,8 @@ class EyeMovements:
     is_microsaccade: np.ndarray
 
     def __post_init__(self) -> None:
-        time, gaze = np.asarray(self.time_s, float), np.asarray(self.gaze_deg, float)
-        flags = np.asarray(self.is_microsaccade, bool)
+        time, gaze = check_array("time_s", self.time_s), check_array("gaze_deg", self.gaze_deg)
+        flags = check_array("is_microsaccade", self.is_microsaccade) != 0
         shape = (*flags.shape, 2)
         if flags.ndim != 2 or gaze.shape != shape or time.shape != shape[1:2] or 0 in shape:
             raise InvalidInputError(
@@ -142,7 +145,7 @@ class EyeMovements:
         """
         from scipy.signal import savgol_filter
 
-        check_positive("window_s", window_s, "s")
+        check_between("window_s", window_s, 0.0, _LONGEST_S, "s")
         count = round(window_s / self.frame_time_s)
         count += 1 - count % 2
         if not _VELOCITY_ORDER + 2 <= count <= len(self.time_s):
@@ -166,7 +169,7 @@ class EyeMovements:
         InvalidInputError
             If no two frames lie so far apart.
         """
-        lag = round(check_positive("lag_s", lag_s, "s") / self.frame_time_s)
+        lag = round(check_between("lag_s", lag_s, 0.0, _LONGEST_S, "s") / self.frame_time_s)
         if not 1 <= lag < len(self.time_s):
             raise InvalidInputError(
                 f"lag_s must be one frame or more and shorter than the path of "
@@ -180,7 +183,7 @@ class EyeMovements:
         return float(np.sum(np.square(self.displacement_arcmin(lag_s))) / (4.0 * lag_s))
 
     def plot(self, ax: Axes | None = None, trials: int = 1) -> Axes:
-        """Draw the first paths over the visual field, microsaccades in thick lines; returns the axes."""
+        """Draw the first paths, microsaccades in thick lines; returns the axes."""
         import matplotlib.pyplot as plt
 
         count = check_count("trials", trials, 1, len(self))
@@ -245,8 +248,10 @@ def eye_movements(
         If an argument is out of range, or the paths need more than 2 GB.
     """
     duration = check_positive("duration_s", duration_s, "s")
+    check_between("duration_s", duration, 0.0, _LONGEST_S, "s")
     frame_s = check_positive("frame_time_s", frame_time_s, "s")
-    count = check_count("trials", trials)
+    check_between("frame_time_s", frame_s, _SHORTEST_S, _LONGEST_S, "s")
+    count = check_count("trials", trials, 1, 1 << 31)
     seed = check_count("seed", seed, 0, (1 << 63) - 1)
     check_choice("centre", centre, ("start", "mean"))
     if not isinstance(microsaccades, Microsaccades):

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 
 import numpy as np
 
 from isetcl.cones.mosaic import PER_RECEPTOR, ConeMosaic
 from isetcl.errors import FileError, check_type
+from isetcl.output import save_dataset
 
 FORMAT_VERSION = 1
 _UNITS = {"positions_deg": "deg", "positions_mm": "mm", "eccentricity_deg": "deg", "types": "1"}
@@ -25,8 +25,6 @@ def save_mosaic(mosaic: ConeMosaic, path: str | Path) -> Path:
     """
     import xarray
 
-    check_type("path", path, (str, Path))
-    target = Path(path)
     variables = {}
     for name, array in mosaic.arrays().items():
         dims = ("receptor", "axis") if array.ndim == 2 else ("receptor",)
@@ -38,18 +36,7 @@ def save_mosaic(mosaic: ConeMosaic, path: str | Path) -> Path:
         "aperture_shape": mosaic.aperture_shape,
         "provenance": mosaic.describe(),
     }
-    encoding = {name: {"zlib": True, "complevel": 1, "shuffle": True} for name in variables}
-    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-    try:
-        dataset.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
-        os.replace(temporary, target)
-    except OSError as error:
-        raise FileError(
-            f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
-        ) from error
-    finally:
-        temporary.unlink(missing_ok=True)
-    return target
+    return save_dataset(dataset, path)
 
 
 def load_mosaic(path: str | Path) -> ConeMosaic:

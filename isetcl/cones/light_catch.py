@@ -12,15 +12,16 @@ from isetcl.cones.observer import Observer
 from isetcl.cones.receptors import ReceptorType, outer_segment_um
 from isetcl.errors import InvalidInputError
 from isetcl.eye.people.macular_pigment import macular_fraction
+from isetcl.memory import check_memory
 from isetcl.retina.image import RetinalImage
+from isetcl.retina.transmittance import MacularPigment
 from isetcl.spectrum import bin_widths
 from isetcl.units import NM_PER_M, PLANCK_J_S, SPEED_OF_LIGHT_M_S
 
 if TYPE_CHECKING:
     from isetcl.device.layout import Precision
 
-_GRID_TOLERANCE = 1e-6
-_SEGMENT_NODES = 64
+_GRID_TOLERANCE = 1e-2  # pixels
 _MOST_EFFICIENCIES = 1 << 24
 
 
@@ -99,8 +100,8 @@ class LightCatch(ReceptorEfficiency):
     Raises
     ------
     InvalidInputError
-        If the image has fewer than 2 x 2 pixels or 2 wavelengths, uneven pixels, or values that are
-        negative or not finite.
+        If the image has fewer than 2 x 2 pixels or 2 wavelengths, uneven pixels, values that are
+        negative or not finite, or macular pigment that would be counted twice.
     """
 
     def __init__(
@@ -129,6 +130,14 @@ class LightCatch(ReceptorEfficiency):
                 f"irradiance must be finite and >= 0 W m^-2 nm^-1, got {worst:g}; clip or mend the "
                 "image first"
             )
+        for step in self._image.steps if self._has_macular else ():
+            if isinstance(step.medium, MacularPigment):
+                raise InvalidInputError(
+                    f"the image has come through {step.label!r} already, and has_macular_pigment "
+                    "must be False then; pass that, or take "
+                    f"image.without({step.label!r}), which lets every receptor look through the "
+                    "pigment of its own place"
+                )
 
     @functools.cached_property
     def _axes(self) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -138,7 +147,10 @@ class LightCatch(ReceptorEfficiency):
             at = self._image.dataset[name].values.astype(np.float64)
             steps = np.diff(at)
             step = float(np.mean(steps))
-            if step == 0 or np.max(np.abs(steps - step)) > _GRID_TOLERANCE * max(1.0, len(at)):
+            even = at[0] + step * np.arange(len(at))
+            # Files may keep coordinates in single precision.
+            slack = _GRID_TOLERANCE * abs(step) + 4e-7 * np.max(np.abs(at))
+            if step == 0 or np.max(np.abs(at - even)) > slack:
                 raise InvalidInputError(
                     f"pixels must lie in equal steps along {name}, got steps of {steps.min():g} to "
                     f"{steps.max():g} deg"
@@ -183,7 +195,8 @@ class LightCatch(ReceptorEfficiency):
         low, high = moved.min(axis=0), moved.max(axis=0)
         shape = np.array(self._image.irradiance.shape[:0:-1])
         reach = self._reach * self.apertures[:, 2:]
-        slack = 1e-6 * shape
+        # Coordinates may come in single precision; the middle must lie inside in any case.
+        slack = np.minimum(1e-6 * shape, 0.5 * reach)
         outside = (self.apertures[:, :2] - reach + low < -slack) | (
             self.apertures[:, :2] + reach + high > shape + slack
         )
@@ -200,6 +213,23 @@ class LightCatch(ReceptorEfficiency):
                 "mosaic.within"
             )
 
+    def check_memory(self, frames: int, precision: Precision) -> None:
+        """Raise OutOfMemoryError if the means of so many frames do not fit."""
+        size = 4 if precision == "single" else 8
+        waves = self._image.irradiance.shape[0]
+        means = 2.0 * size * frames * len(self._mosaic)
+        efficiencies = 8.0 * 5.0 * min(_MOST_EFFICIENCIES, waves * len(self._mosaic))
+        image = 2.0 * size * self._image.irradiance.size * (1.0 + 7.0 / waves)
+        check_memory(
+            f"means of {frames} frames and {len(self._mosaic)} receptors",
+            means + efficiencies + image,
+            lambda factor: (
+                f"about {max(1, int(frames * factor**2))} frames at a time would fit"
+                if frames > 1
+                else "take a part of the mosaic at a time, by mosaic.within"
+            ),
+        )
+
     @property
     def is_coarse(self) -> bool:
         """Whether pixels are wider than the smallest aperture."""
@@ -208,14 +238,14 @@ class LightCatch(ReceptorEfficiency):
     @property
     def coarse_message(self) -> str:
         """What to do about pixels that are too wide."""
-        worst = float(np.min(self.apertures[:, 2:]))
         rows, columns = self._image.irradiance.shape[1:]
-        factor = 1.0 / (2.0 * worst)
+        wider = 0.5 / self.apertures[:, 2:].min(axis=0)
+        enough = np.ceil(np.maximum(1.0, wider) * (columns, rows)).astype(int)
         return (
-            f"pixels are up to {factor:.2g} times as wide as the smallest aperture "
+            f"pixels are up to {wider.max():.2g} times as wide as the smallest aperture "
             f"({self._mosaic.aperture_um.min():.3g} um), so the image is too coarse for these "
-            f"receptors; render at least {int(np.ceil(columns * factor))} x "
-            f"{int(np.ceil(rows * factor))} pixels, and three times as many for smooth edges"
+            f"receptors; render at least {enough[0]} x {enough[1]} pixels (three times as many "
+            "for smooth edges), a smaller field around them, or at=mosaic"
         )
 
     def rates(self, gaze_deg: np.ndarray, precision: Precision, device: str | None) -> np.ndarray:
@@ -241,12 +271,15 @@ def mean_segment_factor(
 ) -> np.ndarray:
     """ISETBio's factor of outer segments: L's absorptance over the fovea's, mean of wavelengths.
 
+    A wavelength counts by the width it stands for, so that grids may be uneven.
+
     Parameters
     ----------
     fraction
         Lengths over that of the fovea, (n,).
     """
-    foveal = observer.quantal_efficiency(wavelengths_nm)[0]
-    nodes = np.linspace(fraction.min(), fraction.max(), _SEGMENT_NODES)
-    means = [np.mean(observer.quantal_efficiency(wavelengths_nm, f)[0] / foveal) for f in nodes]
-    return np.asarray(np.interp(fraction, nodes, means))
+    density = observer.optical_densities[0] * observer.absorbances(wavelengths_nm)[0]
+    exponent = -np.log(10.0) * density
+    share = np.expm1(fraction[:, None] * exponent) / np.expm1(exponent)
+    widths = bin_widths(wavelengths_nm)
+    return np.asarray(share @ (widths / widths.sum()))

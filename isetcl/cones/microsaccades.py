@@ -92,7 +92,7 @@ class Microsaccades:
         step_left = np.zeros(count, dtype=int)
         stride = np.zeros((count, 2))
         position = np.zeros((count, 2))
-        visits = _Visits(count) if self.model == "fixation map" else None
+        visits = FixationMap(count) if self.model == "fixation map" else None
         path = np.empty_like(drift)
         jumping = np.zeros((steps, count), dtype=bool)
         for t in range(steps):
@@ -123,7 +123,7 @@ class Microsaccades:
         return max(1, round(1e3 * self.shortest_s), round(float(np.hypot(*jump)) / speed))
 
     def _jump(
-        self, here: np.ndarray, stream: np.random.Generator, visits: _Visits | None, trial: int
+        self, here: np.ndarray, stream: np.random.Generator, visits: FixationMap | None, trial: int
     ) -> np.ndarray:
         """The displacement, (2,), arcmin."""
         if visits is not None:
@@ -149,8 +149,11 @@ class Microsaccades:
         return np.asarray(jumps[near[0] if len(near) else np.argmin(ends)])
 
 
-class _Visits:
-    """Where the gaze of each trial has been lately, on a grid."""
+class FixationMap:
+    """Where the gaze of each trial has been lately, on a grid of 2 arcmin, and where it is to go.
+
+    Every 10 ms what is remembered fades with a time constant of 0.5 s.
+    """
 
     def __init__(self, trials: int) -> None:
         half = int(_MAP_WIDTH_ARCMIN / _NODE_ARCMIN / 2.0)

@@ -217,12 +217,18 @@ class ConeMosaic:
         Raises
         ------
         InvalidInputError
-            If none is left.
+            If none is left, or it is neither a mask nor numbers of receptors.
         """
-        chosen = np.asarray(which)
-        if chosen.dtype != bool:
-            chosen = chosen.astype(np.intp)
-        if len(self.types[chosen]) == 0:
+        chosen, n = np.atleast_1d(which), len(self)
+        is_mask = chosen.dtype == bool and chosen.shape == (n,)
+        is_list = chosen.dtype.kind in "iu" and chosen.ndim == 1
+        if chosen.size and not (is_mask or (is_list and -n <= chosen.min() <= chosen.max() < n)):
+            raise InvalidInputError(
+                f"which must be a mask of {n} receptors or their numbers, 0 to {n - 1}, got "
+                f"{chosen.dtype} of shape {chosen.shape}"
+                + (f" from {chosen.min()} to {chosen.max()}" if is_list else "")
+            )
+        if chosen.size == 0 or (is_mask and not np.any(chosen)):
             raise InvalidInputError("no receptor is left; choose at least one")
         return dataclasses.replace(self, **{k: getattr(self, k)[chosen] for k in PER_RECEPTOR})
 
@@ -243,9 +249,11 @@ class ConeMosaic:
         offset = np.abs(self.positions_deg - (x, y))
         inside = (offset[:, 0] <= width / 2) & (offset[:, 1] <= height / 2)
         if not np.any(inside):
+            low, high = self.extent_deg
             raise InvalidInputError(
                 f"no receptor lies within {width:g} x {height:g} deg around ({x:g}, {y:g}) deg; "
-                f"this mosaic spans {self.extent_deg} deg"
+                f"this mosaic spans x {low[0]:.4g} to {high[0]:.4g} and y {low[1]:.4g} to "
+                f"{high[1]:.4g} deg"
             )
         return self.select(inside)
 

@@ -78,7 +78,7 @@ class Observer:
     def __post_init__(self) -> None:
         check_choice("pigment model", self.model, PIGMENT_MODELS)
         for name in ("optical_densities", "shifts_nm", "pigments"):
-            if len(getattr(self, name)) != 3:
+            if np.ndim(getattr(self, name)) == 0 or len(getattr(self, name)) != 3:
                 raise InvalidInputError(
                     f"observer: {name} must name L, M and S, got {getattr(self, name)}"
                 )

@@ -25,6 +25,7 @@ STEP_S = 1e-4
 """Default time step, s; ISETBio's."""
 
 _HALVINGS = 64
+_MOST_STEPS = 1e8
 _CONES_AT_ONCE = 2048
 
 
@@ -181,7 +182,14 @@ class OuterSegment:
             )
         background = np.broadcast_to(background, columns.shape[1:])
         frame_s = check_positive("frame_time_s", frame_time_s, "s")
-        steps = max(1, int(np.ceil(frame_s / check_positive("step_s", step_s, "s") - 1e-9)))
+        count = frame_s / check_positive("step_s", step_s, "s")
+        if count * len(rates) > _MOST_STEPS:
+            raise InvalidInputError(
+                f"{len(rates)} frames of {frame_s:g} s need {count * len(rates):.3g} steps of "
+                f"{step_s:g} s, and at most {_MOST_STEPS:.0e} are made; take a longer step_s or "
+                "shorter frames"
+            )
+        steps = max(1, int(np.ceil(count - 1e-9)))
         current = np.empty_like(columns)
         for first in range(0, columns.shape[1], _CONES_AT_ONCE):
             part = slice(first, first + _CONES_AT_ONCE)

@@ -14,9 +14,9 @@ from isetcl.cones.receptors import ReceptorType
 from isetcl.errors import (
     InvalidInputError,
     check_array,
+    check_between,
     check_choice,
     check_count,
-    check_positive,
     check_type,
 )
 
@@ -60,7 +60,14 @@ def photocurrent_noise(
     """
     from scipy.fft import irfft, next_fast_len, rfftfreq
 
-    step = check_positive("frame_time_s", frame_time_s, "s")
+    frames = check_count("frames", frames, 1, 1 << 31)
+    receptors = check_count("receptors", receptors, 1, 1 << 31)
+    if 8 * frames * receptors > _MOST_BYTES:
+        raise InvalidInputError(
+            f"noise of {frames} frames and {receptors} cones needs "
+            f"{8 * frames * receptors / 2**30:.3g} GiB, and at most 2 are made at once; take fewer"
+        )
+    step = check_between("frame_time_s", frame_time_s, 1e-6, 1e6, "s")
     seed = check_count("seed", seed, 0, (1 << 63) - 1)
     # A periodic series is made, and so much of it cut off that its ends forget each other.
     length = next_fast_len(frames + int(np.ceil(_MEMORY_S / step)), real=True)
@@ -159,6 +166,7 @@ def photocurrent(
         If there are rods, frames are uneven, or rates negative.
     """
     check_type("excitations", excitations, Excitations)
+    check_type("is_noisy_light", is_noisy_light, bool)
     seed = check_count("seed", seed, 0, (1 << 63) - 1)
     if np.any(excitations.types == ReceptorType.ROD):
         raise InvalidInputError(
@@ -178,7 +186,13 @@ def photocurrent(
         background = excitations.mean.values.mean(axis=0, dtype=np.float64)
         background = background / excitations.integration_time_s
     else:
-        background = np.broadcast_to(check_array("background_hz", background_hz), rates.shape[1:])
+        given = check_array("background_hz", background_hz)
+        if given.shape not in ((), rates.shape[1:]):
+            raise InvalidInputError(
+                f"background_hz must be a number or one for each of {rates.shape[1]} cones, got "
+                f"shape {given.shape}"
+            )
+        background = np.broadcast_to(given, rates.shape[1:])
     current = np.empty_like(rates)
     groups = _segments(excitations, segment)
     for own, which in groups:

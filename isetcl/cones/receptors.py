@@ -77,7 +77,7 @@ def aperture_um(
 
 
 def neighbour_spacing(positions: np.ndarray, neighbours: int = 6) -> np.ndarray:
-    """Median distance to the six nearest neighbours, smoothed by the median over them, (n,).
+    """Median distance to the six nearest, smoothed by the median over a cone and these six, (n,).
 
     In the unit of the positions, (n, 2). A mosaic of fewer cones uses as many as there are; a
     single cone has none and gets NaN.

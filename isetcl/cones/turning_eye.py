@@ -79,9 +79,11 @@ def excitations_of_turning_eye(
     if len(gaze) == 0 or not np.all(np.isfinite(gaze)):
         raise InvalidInputError("gaze_deg must have at least one frame and be finite")
     step = integration_time_s if frame_time_s is None else frame_time_s
-    check_positive("frame_time_s", step, "s")
+    step = check_positive("frame_time_s", step, "s")
+    check_positive("integration_time_s", integration_time_s, "s")
     seed = check_count("seed", seed, 0, (1 << 62) - 1)
-    options = dict(cone_options or {})
+    options = {} if cone_options is None else cone_options
+    check_type("cone_options", options, dict)
     for name in {"gaze_deg", "seed", "frame_time_s"} & options.keys():
         raise InvalidInputError(f"cone_options must not have {name!r}; it is an argument itself")
     different, which = np.unique(gaze, axis=0, return_inverse=True)

@@ -12,7 +12,7 @@ from isetcl.eye.people.ocular_media import OcularMedia
 from isetcl.figures.edge_spread import edge_spread_arcmin
 from isetcl.figures.edge_transfer import best_distance_m
 from isetcl.figures.pictures import blank, finish, letter
-from isetcl.figures.result import FigureResult, Row, states
+from isetcl.figures.result import FigureResult, Row, near, states
 from isetcl.scene import targets
 from isetcl.units import ARCMIN_PER_DEG
 
@@ -37,6 +37,9 @@ _FOV_DEG = 0.9
 _LINE_DEG = 0.02  # half the height of the line whose cones are shown in C
 _PATCH_DEG = 0.36
 _RIM_DEG = 0.3
+_PER_UM2_LUX_S = {"L": 2076.3, "M": 1494.6}
+"""Excitations of foveal cones per um^2 of aperture, lux and second, in equal-energy light behind
+the lens of 32 years: integrals of the tables of CIE 170-1 and Stockman & Sharpe 2000, 1 nm."""
 _COLOURS = {"L": "#d1495b", "M": "#3c9d5d", "S": "#3056c9"}
 _LINES = {450.0: "#3f51b5", 550.0: "#2e8b57", 650.0: "#c0392b"}
 _SECTION = "Results, Cone mosaic excitations"
@@ -78,7 +81,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
         "spread_arcmin": {f"{nm:g} nm": spread for nm, spread in spreads.items()},
         "mean_excitations_on_the_bright_side": means,
     }
-    rows = _rows(cones, caught, counts, spreads, means)
+    rows = _rows(cones, caught, counts, spreads, means) + _sensitivities(cones, image, quality)
     return finish(folder, NUMBER, TITLE, quality, picture, rows, numbers)
 
 
@@ -167,6 +170,30 @@ def _bright_means(cones: ConeMosaic, caught: Excitations) -> dict[str, float]:
         kind: float(mean[bright & (cones.types == number)].mean())
         for number, kind in enumerate(_COLOURS)
     }
+
+
+def _sensitivities(cones: ConeMosaic, image: RetinalImage, quality: Quality) -> tuple[Row, ...]:
+    """Excitations by light near the middle, outer segments all foveal, against the integrals."""
+    from isetcl.cones.excitations import excitations
+
+    x = cones.positions_deg[:, 0]
+    bright = (x < -0.1) & (cones.eccentricity_deg < 0.2)
+    lit = (image.dataset["x"].values < -0.1) & (image.dataset["x"].values > -0.2)
+    lux = float(image.illuminance_lux.values[:, lit].mean())
+    caught = excitations(cones, image, INTEGRATION_S, segments="none", device=quality.device)
+    light = caught.mean.values[0]
+    per_um2 = light / (np.pi * (0.5 * cones.aperture_um) ** 2 * lux * INTEGRATION_S)
+    return tuple(
+        near(
+            f"excitations of {kind} cones per um^2, lux and s, within 0.2 deg",
+            float(per_um2[bright & (cones.types == number)].mean()),
+            _PER_UM2_LUX_S[kind],
+            0.02 * _PER_UM2_LUX_S[kind],
+            "integrals of CIE 170-1 and Stockman & Sharpe 2000, foveal",
+            digits=4,
+        )
+        for number, kind in enumerate(_PER_UM2_LUX_S)
+    )
 
 
 def _rows(

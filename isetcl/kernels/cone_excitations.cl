@@ -112,9 +112,10 @@ kernel void cone_excitations(global const real8 *restrict irradiance, const int 
     return;
   const real4 aperture = apertures[receptor];
   const real x = aperture.x + shifts[2 * frame], y = aperture.y + shifts[2 * frame + 1];
-  const int row0 = max(0, (int)floor(y - REACH * aperture.w));
+  /* A border that rounds to the next pixel must not leave an aperture without any. */
+  const int row0 = clamp((int)floor(y - REACH * aperture.w), 0, rows - 1);
   const int row1 = min(rows, (int)floor(y + REACH * aperture.w) + 1);
-  const int first = max(0, (int)floor(x - REACH * aperture.z));
+  const int first = clamp((int)floor(x - REACH * aperture.z), 0, columns - 1);
   const int end = min(columns, (int)floor(x + REACH * aperture.z) + 1);
   real8 sum[BLOCKS];
   for (int b = 0; b < BLOCKS; ++b)

@@ -16,11 +16,11 @@ class TileAccumulator:
     ----------
     tracked : ndarray, (quantities, channels)
         Linear combinations of film channels whose standard error is wanted.
-    keeps : bool
-        Whether the film of every replicate is kept in `kept`.
+    keeps : dtype or None
+        As what the film of every replicate is kept in `kept`; None forgets it.
     """
 
-    def __init__(self, tracked: np.ndarray, *, keeps: bool = False) -> None:
+    def __init__(self, tracked: np.ndarray, *, keeps: np.dtype | None = None) -> None:
         self._keeps = keeps
         self.kept: list[tuple[np.ndarray, int]] = []
         self._tracked = tracked
@@ -44,8 +44,8 @@ class TileAccumulator:
     def add(self, film: np.ndarray, samples: int) -> None:
         """Add the mean film (channels, rows, columns) of a replicate of so many samples."""
         quantities = np.tensordot(self._tracked, film, axes=1)
-        if self._keeps:
-            self.kept.append((film.copy(), samples))
+        if self._keeps is not None:
+            self.kept.append((film.astype(self._keeps), samples))
         if self._sum is None or self._pivot is None or self._squares is None:
             self._sum = film * samples
             self._pivot = quantities

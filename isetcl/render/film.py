@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from isetcl.device.layout import real_dtype
 from isetcl.render import sobol
 from isetcl.render.accumulate import TileAccumulator
 from isetcl.render.direct import DirectPipeline, tiles
@@ -33,7 +34,8 @@ class Film:
         seed: int,
         cone_noise: ConeNoise | None = None,
     ) -> None:
-        self._keeps = prepared.config.places != "none"
+        has_places = prepared.config.places != "none"
+        self._keeps = real_dtype(prepared.config.precision) if has_places else None
         self._plan = prepared
         self._pipeline = pipeline
         self._seed = seed
@@ -192,7 +194,7 @@ class Film:
         prepared = self._plan
         grid = prepared.grid
         assert isinstance(grid, PlaceGrid)
-        dtype = np.float32 if prepared.config.precision == "single" else np.float64
+        dtype = real_dtype(prepared.config.precision)
         waves, n = len(prepared.wavelengths_nm), len(grid.listed)
         samples = np.array([count for _, count in self._accumulators[0].kept[: self.replicates]])
         values = np.empty((self.replicates, waves, *grid.shape), dtype=dtype)

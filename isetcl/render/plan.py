@@ -47,6 +47,7 @@ from isetcl.render.plan_paths import (
     decide_features,
     path_images,
 )
+from isetcl.render.schedule import MAX_REPLICATES
 from isetcl.retina.bands import BandChoice, choose_bands, split_bands
 from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.places import PlaceGrid, Places
@@ -553,6 +554,14 @@ def check_memory(plan: Plan) -> None:
     OutOfMemoryError
     """
     columns, rows = plan.grid.resolution
+    if isinstance(plan.grid, PlaceGrid):
+        memory.check_memory(
+            f"rendering at {len(plan.grid.listed)} apertures and {len(plan.wavelengths_nm)} "
+            "wavelengths",
+            columns * rows * bytes_per_pixel(plan),
+            lambda share: f"a list of {share * share:.2g} times as many would fit",
+        )
+        return
     memory.check_memory(
         f"an image of {columns} x {rows} pixels and {len(plan.wavelengths_nm)} wavelengths",
         columns * rows * bytes_per_pixel(plan),
@@ -571,4 +580,8 @@ def bytes_per_pixel(plan: Plan) -> int:
     result = wavelengths * 2 * (4 if plan.config.precision == "single" else 8)
     accumulators = 8 * (channels + 2 * tracked)
     # A pilot's accumulators are kept beside those of the longer replicates that follow it.
-    return 2 * accumulators + 2 * result
+    kept = 0
+    if plan.config.places != "none":
+        # Every replicate is kept, first as film and then as spectra.
+        kept = MAX_REPLICATES * (channels + wavelengths) * (result // (2 * wavelengths))
+    return 2 * accumulators + 2 * result + kept

@@ -26,6 +26,10 @@ AUTO_LIMIT = 16
 AUTO_TOLERANCE_PIXELS = 0.5
 """Chromatic displacement inside a band that "auto" accepts, in pixels."""
 
+FEW_WAVELENGTHS = 8
+"""Grids of so few wavelengths are not joined into bands by "auto": whoever asks for few wants each
+of them right, and half a pixel of lateral colour is no small part of their difference."""
+
 _SHARE_OF_ERROR = 0.4
 """What bands may add to an image, relative to the error wanted: in quadrature 8 %."""
 
@@ -75,7 +79,7 @@ def choose_bands(
     bands
         A number from 1 to the number of wavelengths, or ``"auto"``: as few as keep the
         displacement below half a pixel, at most 16, but as many as the expected error needs; one if
-        the eye is achromatic.
+        the eye is achromatic; one for each of up to 8 wavelengths.
     expected_error
         Photopic relative error that the image will have from its samples.
     has_diffraction
@@ -99,6 +103,8 @@ def choose_bands(
         chosen = _partition(wavelengths_nm, cost, wanted)
     elif is_achromatic:
         chosen = _partition(wavelengths_nm, cost, 1)
+    elif count <= FEW_WAVELENGTHS:
+        chosen = _partition(wavelengths_nm, cost, count)
     else:
         for wanted in range(1, count + 1):
             chosen = _partition(wavelengths_nm, cost, wanted)

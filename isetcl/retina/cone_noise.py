@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_positive
+from isetcl.errors import InvalidInputError, check_positive, check_type
 from isetcl.eye.people.macular_pigment import PIGMENT_RANGE_NM, macular_density
 from isetcl.eye.people.pigments import (
     FOVEAL_DENSITIES,
@@ -16,7 +16,7 @@ from isetcl.eye.people.pigments import (
     absorbance,
     absorptance,
 )
-from isetcl.spectrum import bin_widths
+from isetcl.spectrum import bin_widths, check_wavelengths
 from isetcl.units import NM_PER_M, PLANCK_J_S, SPEED_OF_LIGHT_M_S
 
 FOVEAL_APERTURE_UM = 1.6978
@@ -37,7 +37,9 @@ class ConeNoise:
     cone, for the type, L, M or S, of which it is the largest.
 
     The cone is the standard observer's in the fovea, behind its macular pigment. A cone wider than
-    a pixel averages over several, and the error in its excitations is smaller than stated.
+    a pixel averages over several, and the error in its excitations is smaller than stated. In
+    renders at the receptors of a mosaic, pixels are the receptors, and the aperture is still this
+    one.
 
     Parameters
     ----------
@@ -70,6 +72,7 @@ class ConeNoise:
         InvalidInputError
             If it is another text, or a number is not positive.
         """
+        check_type("target_error", text, str)
         match = _SPELLING.fullmatch(text.replace(" ", ""))
         try:
             if match is None:
@@ -90,7 +93,7 @@ class ConeNoise:
         InvalidInputError
             If there are fewer than two wavelengths, or none at which pigments are known.
         """
-        grid = np.asarray(wavelengths_nm, dtype=np.float64)
+        grid = check_wavelengths(wavelengths_nm)
         low, high = PIGMENT_RANGE_NM["cie_170"]
         known = (grid >= low) & (grid <= high)
         if len(grid) < 2 or not np.any(known):

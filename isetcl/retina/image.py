@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
+from isetcl.output import save_dataset
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.transmittance import Transmittance
 from isetcl.spectrum import photopic_weights
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from isetcl.eye.model import Eye
 
 FORMAT_VERSION = 1
+_LEAST_SHARE = 1e-25  # of the light: what single precision still holds of dim images
 
 
 class RetinalImage:
@@ -252,7 +253,11 @@ class RetinalImage:
         InvalidInputError
             If the image has a step of that label already, or a wavelength lies outside the model.
         """
-        check_type("step", step, Transmittance)
+        if not isinstance(step, Transmittance):
+            raise InvalidInputError(
+                "step must be one of isetcl.retina.transmittance(...) or macular_pigment(...), got "
+                f"an object of type {type(step).__name__}"
+            )
         if step.label in [each.label for each in self.steps]:
             raise InvalidInputError(
                 f"the image has come through {step.label!r} already; take "
@@ -267,7 +272,7 @@ class RetinalImage:
         Raises
         ------
         InvalidInputError
-            If the image has no such step.
+            If the image has no such step, or too little light came through to undo it.
         """
         names = [each.label for each in self.steps]
         if label not in names:
@@ -277,7 +282,14 @@ class RetinalImage:
         changes: dict[str, Any] = {"steps": left}
         if len(left) == len(details.get("steps", [])):
             changes["media"] = None
-        return self._dimmed(1.0 / self._share(self.steps[names.index(label)]), changes)
+        share = self._share(self.steps[names.index(label)])
+        if share.min() < _LEAST_SHARE:
+            dark = self.wavelengths_nm[int(np.argmin(share.min(axis=(1, 2))))]
+            raise InvalidInputError(
+                f"{label!r} lets {share.min():.2g} of the light through at {dark:g} nm; undoing it "
+                f"needs {_LEAST_SHARE:g}; keep the image from before, or narrow the wavelengths"
+            )
+        return self._dimmed(1.0 / share, changes)
 
     def _share(self, step: Transmittance) -> np.ndarray:
         return step.at(self.wavelengths_nm, self.dataset["x"].values, self.dataset["y"].values)
@@ -378,22 +390,7 @@ class RetinalImage:
         FileError
             If the file cannot be written.
         """
-        check_type("path", path, (str, Path))
-        target = Path(path)
-        temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
-        encoding = {
-            name: {"zlib": True, "complevel": 1, "shuffle": True} for name in self.dataset.data_vars
-        }
-        try:
-            self.dataset.to_netcdf(temporary, engine="h5netcdf", encoding=encoding)
-            os.replace(temporary, target)
-        except OSError as error:
-            raise FileError(
-                f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"
-            ) from error
-        finally:
-            temporary.unlink(missing_ok=True)
-        return target
+        return save_dataset(self.dataset, path)
 
     @classmethod
     def load(cls, path: str | Path) -> RetinalImage:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError, check_type
+from isetcl.output import save_dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -69,14 +70,7 @@ class PinholeView:
         FileError
             If it cannot be written.
         """
-        file = Path(path)
-        try:
-            self.dataset.to_netcdf(file, engine="h5netcdf")
-        except OSError as error:
-            raise FileError(
-                f"cannot write {str(file)!r}: {error}; choose another folder"
-            ) from error
-        return file
+        return save_dataset(self.dataset, path)
 
     @classmethod
     def load(cls, path: str | Path) -> PinholeView:

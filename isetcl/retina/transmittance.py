@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from isetcl.errors import check_between, check_choice, check_pair
+from isetcl.errors import check_between, check_choice, check_pair, check_type
 from isetcl.eye.people.macular_pigment import (
     MACULAR_PEAK_DENSITY,
     PIGMENT_MODELS,
@@ -57,6 +57,10 @@ class Transmittance:
 
     label: str
     medium: OcularMedia | MacularPigment
+
+    def __post_init__(self) -> None:
+        check_type("step: label", self.label, str)
+        check_type("step: medium", self.medium, (OcularMedia, MacularPigment))
 
     def at(self, wavelengths_nm: np.ndarray, x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
         """Share of the light for pixels at field angles x and y, degrees.

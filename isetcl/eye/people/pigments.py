@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from isetcl.errors import InvalidInputError, check_choice
+from isetcl.errors import InvalidInputError, check_choice, check_number
 from isetcl.eye.people.macular_pigment import (
     MACULAR_PEAK_OVER_460_NM,
     PIGMENT_MODELS,
@@ -83,7 +83,7 @@ def field_size_densities(field_deg: float) -> tuple[tuple[float, float, float], 
     CIE 170-1:2006, for fields of 1 to 10 degrees: 0.38 + 0.54 exp(-d/1.333) for L and M, 0.30 +
     0.45 exp(-d/1.333) for S, 0.485 exp(-d/6.132) for the macular pigment at 460 nm.
     """
-    if not 1.0 <= field_deg <= 10.0:
+    if not 1.0 <= check_number("field_deg", field_deg) <= 10.0:
         raise InvalidInputError(
             f"field_deg must be 1 to 10 deg, which CIE 170-1 covers, got {field_deg:g}"
         )
