@@ -161,8 +161,8 @@ def _progress() -> Progress:
     from rich.console import Console
     from rich.progress import Progress
 
-    console = Console(stderr=True)
-    return Progress(console=console, transient=True, disable=not console.is_terminal)
+    console = Console(stderr=True, quiet=not sys.stderr.isatty())
+    return Progress(console=console, transient=True)
 
 
 def _check_writable(option: str, path: Path | None) -> None:

@@ -71,6 +71,8 @@ def test_depth_is_found_between_the_pictures_to_a_pixel_of_blur(place, noise):
     # That is three times finer than the steps of the stack, and most pixels are better still.
     assert np.sqrt(np.mean(error**2)) < 0.4 * RESOLUTION
     assert found.known_share == 1.0
+    assert repr(found).startswith("<FocusDepth of ")
+    assert repr(found).endswith(" pixels, 100% known>")
 
 
 def test_stacks_may_fall_or_rise_and_step_unevenly():

@@ -39,6 +39,10 @@ class FocusDepth:
     is_known: np.ndarray
     picture: np.ndarray
 
+    def __repr__(self) -> str:
+        rows, columns = self.is_known.shape
+        return f"<FocusDepth of {columns} x {rows} pixels, {self.known_share:.0%} known>"
+
     @property
     def known_share(self) -> float:
         """Share of the pixels whose depth is known."""

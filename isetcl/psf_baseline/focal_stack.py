@@ -72,6 +72,10 @@ class FocalStack:
     display: Display | None = None
     name: str = "focal stack"
 
+    def __repr__(self) -> str:
+        (rows, columns), count = self.shape, len(self.pictures)
+        return f"<FocalStack {self.name!r}: {count} pictures of {columns} x {rows} pixels>"
+
     def __post_init__(self) -> None:
         check_type("focal stack: name", self.name, str)
         check_positive(f"{self._what}: aperture_mm", self.aperture_mm, "mm")
