@@ -125,7 +125,10 @@ def mtf(
         _check_folder(folder)
     options: dict[str, Any] = {"step_nm": step, "object_distance_m": object_distance}
     wanted = np.union1d(frequencies, np.linspace(0.0, max(60.0, *frequencies), 61))
-    found = mtf_table(model, wanted, field, wavelength, **options)
+    try:
+        found = mtf_table(model, wanted, field, wavelength, **options)
+    except KeyboardInterrupt:
+        end_interrupted(" before there was an MTF")
     for column, reason in found.refused.items():
         cli_scene.note(f"no {column}: {reason}")
     Console().print(cli_tables.mtf(found.at(frequencies)))
@@ -265,7 +268,9 @@ def _write_mtf(
     }
     _write(folder / "mtf.json", _json(record))
     figure = Figure(figsize=(8.0, 5.4), layout="constrained")
-    curve_pictures.draw_mtf_table(dense, figure.subplots())
+    axes = curve_pictures.draw_mtf_table(dense, figure.subplots())
+    title = f"{model.name}, {model.stop.diameter_mm:g} mm stop, {axes.get_title()}"
+    axes.set_title(title, fontsize="medium")
     _save(figure, folder / "mtf.png", 100)
 
 
