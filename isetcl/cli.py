@@ -13,7 +13,8 @@ from isetcl.cli_cones import cones
 from isetcl.cli_eye import eye as eye_command
 from isetcl.cli_eye import mtf
 from isetcl.cli_figures import figures
-from isetcl.cli_render import INTERRUPTED, render
+from isetcl.cli_interrupt import end_interrupted
+from isetcl.cli_render import render
 from isetcl.cli_validate import validate
 from isetcl.errors import InvalidInputError, IsetclError
 
@@ -106,8 +107,7 @@ def compare(
                 command=shlex.join(["isetcl", *sys.argv[1:]]),
             )
     except KeyboardInterrupt:
-        print("isetcl: interrupted before there was a report to write", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+        end_interrupted(" before there was a report to write")
     console = Console()
     console.print(_table(comparison))
     if comparison.verdicts:
@@ -120,8 +120,7 @@ def compare(
         soft_wrap=True,
     )
     if not comparison.is_complete:
-        print("isetcl: interrupted; the report holds what was finished", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED)
+        end_interrupted("; the report holds what was finished")
 
 
 app.command()(render)

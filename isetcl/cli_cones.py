@@ -13,8 +13,9 @@ import numpy as np
 import typer
 
 from isetcl import cli_scene
-from isetcl.cli_render import INTERRUPTED, as_notes, goal_of
-from isetcl.errors import InvalidInputError, check_choice, check_finite, check_positive
+from isetcl.cli_interrupt import end_interrupted
+from isetcl.cli_render import as_notes, goal_of
+from isetcl.errors import InvalidInputError, check_choice, check_count, check_finite, check_positive
 from isetcl.retina.image import RetinalImage
 
 if TYPE_CHECKING:
@@ -39,8 +40,8 @@ _SOURCE_HELP = (
 _LUX_HELP = "Scale the image to this mean illuminance, lux (default: as it is)."
 _CENTRE_HELP = "Middle of the mosaic, degrees right and up from the fovea."
 _AGE_HELP = (
-    "Age of the lens in front of the retina, years (default: 32); 0 leaves it out. An image that "
-    "has come through a lens already keeps it."
+    "Age of the lens in front of the retina, years; 0 leaves it out. An image that has come "
+    "through a lens already keeps it."
 )
 _SIZE_HELP = (
     "Pixels across the rendered image (default: three for the smallest aperture, 512 at most)."
@@ -102,12 +103,15 @@ def cones(
 ) -> None:
     """Make a mosaic of cones, let it look at a scene or an image, and count its excitations.
 
-    Prints means by type, and writes excitations.nc, mosaic.nc, pictures and, on request, files for
-    ISETBio and a movie of a fixation.
+    Prints means by type, and writes excitations.nc, mosaic.nc, retina.nc, pictures and, on request,
+    files for ISETBio and a movie of a fixation. Ctrl-C ends the render of a scene early and goes on
+    with the image so far.
     """
     from isetcl.cones.excitation_pictures import check_movie
     from isetcl.output import check_folder
 
+    if size is not None:
+        check_count("--size", size, 2)
     wanted = _checked(fov, centre, density, time, dark, lux, age)
     movie_file = output / ("fixation.mp4" if mp4 else "fixation.gif")
     if movie is not None:
@@ -138,14 +142,16 @@ def cones(
             assert light is not None
             found = mosaic.excitations(light, 1e-3 * time, **looking)
             written = _write(found, mosaic, light, output, mat=mat)
-            if movie is not None:
+            was_interrupted = saved is None and not light.provenance["is_complete"]
+            if movie is not None and not was_interrupted:
                 path = _gazes(movie, time, seed)
                 moving = mosaic.excitations(light, 1e-3 * time, gaze_deg=path, **looking)
                 written.append(moving.movie(movie_file))
     except KeyboardInterrupt:
-        print("isetcl: interrupted before there were excitations to write", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+        end_interrupted(" before there were excitations to write")
     _report(found, mosaic, written)
+    if was_interrupted:
+        end_interrupted("; the image of the scene holds what was finished")
 
 
 def _checked(

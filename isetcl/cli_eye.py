@@ -16,6 +16,7 @@ import numpy as np
 import typer
 
 from isetcl import cli_scene
+from isetcl.cli_interrupt import end_interrupted
 from isetcl.errors import InvalidInputError, check_count, check_positive
 
 if TYPE_CHECKING:
@@ -135,7 +136,10 @@ def mtf(
         from isetcl import cli_mtf
 
         view = (field, object_distance, max(60.0, *frequencies), step, spp)
-        picture, rows, summary = cli_mtf.three_ways(model, view, people)
+        try:
+            picture, rows, summary = cli_mtf.three_ways(model, view, people)
+        except KeyboardInterrupt:
+            end_interrupted(" before the edge was measured")
         _save(picture, folder / "three_mtfs.png", 110)
         _write(folder / "three_mtfs.csv", rows.encode())
         print(f"{summary}\nthree_mtfs.csv, three_mtfs.png in {folder}/")

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from isetcl.cli_interrupt import end_interrupted
+
 if TYPE_CHECKING:
     from rich.table import Table
 
@@ -52,8 +54,11 @@ def figures(
     open_questions = 0
     for figure in wanted:
         start = time.perf_counter()
-        with console.status(f"Figure {figure.number}. {figure.title}"):
-            result = figure.draw(output, quality)
+        try:
+            with console.status(f"Figure {figure.number}. {figure.title}"):
+                result = figure.draw(output, quality)
+        except KeyboardInterrupt:
+            end_interrupted(f" while figure {figure.number} was drawn")
         console.print(_table(result))
         seconds = time.perf_counter() - start
         console.print(f"{result.files[0]} ({seconds:.0f} s)\n", highlight=False, soft_wrap=True)

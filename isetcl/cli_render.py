@@ -15,15 +15,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from isetcl import cli_scene
+from isetcl.cli_interrupt import end_interrupted
 from isetcl.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from isetcl.eye.model import Eye
     from isetcl.retina.image import RetinalImage
     from isetcl.scene.model import Scene
-
-INTERRUPTED = 130
-"""Exit status after Ctrl-C: 128 plus the number of SIGINT, as shells have it."""
 
 DEFAULT_ERROR = 0.02
 DEFAULT_TIME_S = 60.0
@@ -134,8 +132,7 @@ def render(
             image = _traced(seen, model, view | goal | {"layers": layers, "seed": seed}, output)
             written = _write(image, seen, output, layers=layers)
     except KeyboardInterrupt:
-        print("isetcl: interrupted before there was an image to write", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
+        end_interrupted(" before there was an image to write")
     _report(image, seen, loaded, written)
 
 
@@ -218,8 +215,7 @@ def _report(image: RetinalImage, seen: Scene, loaded: Scene, written: list[Path]
         f"{100 * image.relative_error:.2g} %; {names} in {written[0].parent}/"
     )
     if not details["is_complete"]:
-        print("isetcl: interrupted; the image holds what was finished", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED)
+        end_interrupted("; the image holds what was finished")
 
 
 @contextmanager

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+import os
+import shlex
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
+from isetcl.cli_interrupt import end_interrupted
 from isetcl.errors import FileError, InvalidInputError, check_choice
 
 if TYPE_CHECKING:
+    from rich.progress import Progress
+
     from isetcl.device.layout import Precision
     from isetcl.validation.stability import Outcome, Report
 
@@ -50,6 +56,10 @@ def _validate(
             )
         return
     if report is None:
+        if part or draft or device is not None:
+            raise InvalidInputError(
+                "--part, --draft and --device are those of the report; add --report FOLDER"
+            )
         typer.echo(context.get_help())
         raise typer.Exit(2)
     _write_report(report, part, draft, device)
@@ -59,29 +69,31 @@ def _write_report(
     folder: Path, parts: list[str] | None, is_draft: bool, device: str | None
 ) -> None:
     """Write the report with a progress bar, and say what failed."""
-    import sys
-
     from rich.console import Console
-    from rich.progress import Progress
 
     from isetcl.validation_report import write_validation_report
 
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        found = write_validation_report(
-            folder,
-            parts=parts or None,
-            is_draft=is_draft,
-            device=device,
-            command=" ".join(["isetcl", *sys.argv[1:]]),
-            on_step=lambda what, done: bar.update(task, description=what, completed=done),
-        )
+    try:
+        with _progress() as bar:
+            task = bar.add_task("", total=1.0)
+            found = write_validation_report(
+                folder,
+                parts=parts or None,
+                is_draft=is_draft,
+                device=device,
+                command=shlex.join(["isetcl", *sys.argv[1:]]),
+                on_step=lambda what, done: bar.update(task, description=what, completed=done),
+            )
+    except KeyboardInterrupt:
+        end_interrupted(" before a part of the report was finished")
     console = Console()
     for path in found.files:
         console.print(str(path), highlight=False, soft_wrap=True)
     for name, failures in found.failures.items():
         for words in failures:
             console.print(f"{name}: {words}", highlight=False, soft_wrap=True)
+    if not found.is_complete:
+        end_interrupted("; the report holds the parts that were finished")
     if found.failures:
         raise typer.Exit(FAILED)
 
@@ -109,45 +121,63 @@ def stability(
     ] = None,
 ) -> None:
     """Run the extreme cases in float32 and float64; exit status 1 if one fails."""
-    from rich.console import Console
-    from rich.progress import Progress
-
+    from isetcl.output import write_file
     from isetcl.validation.stability import cases, markdown, run
 
     if precision is not None:
-        check_choice("precision", precision, ("single", "double"))
-    for path in (json_file, markdown_file):
-        _check_writable(path)
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("building kernels", total=None)
+        check_choice("--precision", precision, ("single", "double"))
+    _check_writable("--json", json_file)
+    _check_writable("--markdown", markdown_file)
+    try:
+        with _progress() as bar:
+            task = bar.add_task("building kernels", total=None)
 
-        def show(name: str, outcome: Outcome) -> None:
-            bar.update(
-                task, description=f"{name[:40]}: case {outcome.case.number} {outcome.verdict}"
+            def show(name: str, outcome: Outcome) -> None:
+                bar.update(
+                    task, description=f"{name[:40]}: case {outcome.case.number} {outcome.verdict}"
+                )
+
+            reports = run(
+                device,
+                cast("Precision | None", precision),
+                numbers=case or None,
+                full=full,
+                on_outcome=show,
             )
-
-        reports = run(
-            device,
-            cast("Precision | None", precision),
-            numbers=case or None,
-            full=full,
-            on_outcome=show,
-        )
+    except KeyboardInterrupt:
+        end_interrupted(" before the last case")
     _print(reports, len(cases()))
     if json_file is not None:
-        json_file.write_text(
-            json.dumps([r.record() for r in reports], indent=1) + "\n", encoding="utf-8"
-        )
+        text = json.dumps([r.record() for r in reports], indent=1)
+        write_file(json_file, f"{text}\n".encode())
     if markdown_file is not None:
-        markdown_file.write_text(markdown(reports), encoding="utf-8")
+        write_file(markdown_file, markdown(reports).encode())
     if any(r.failures for r in reports):
         raise typer.Exit(FAILED)
 
 
-def _check_writable(path: Path | None) -> None:
-    if path is not None and not path.absolute().parent.is_dir():
-        raise FileError(f"cannot write {path}: folder {path.absolute().parent} does not exist")
+def _progress() -> Progress:
+    """A bar on stderr that leaves nothing behind; none where nobody looks."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    return Progress(console=console, transient=True, disable=not console.is_terminal)
+
+
+def _check_writable(option: str, path: Path | None) -> None:
+    if path is None:
+        return
+    folder = path.absolute().parent
+    if path.is_dir():
+        reason = "it is a folder"
+    elif not folder.is_dir():
+        reason = f"folder {str(folder)!r} does not exist"
+    elif not os.access(folder, os.W_OK):
+        reason = f"folder {str(folder)!r} cannot be written to"
+    else:
+        return
+    raise FileError(f"{option}: cannot write {str(path)!r}: {reason}; choose another")
 
 
 def _print(reports: tuple[Report, ...], known: int) -> None:

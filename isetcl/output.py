@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import xarray
 
 
-def check_folder(folder: Path) -> None:
-    """Create the output folder; raise FileError, before any work, if it cannot be written."""
+def check_folder(folder: Path, option: str = "--output") -> None:
+    """Create the output folder, named by an option; raise FileError if it cannot be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         probe = folder / f".isetcl-{os.getpid()}"
@@ -22,7 +22,7 @@ def check_folder(folder: Path) -> None:
         probe.unlink()
     except OSError as error:
         raise FileError(
-            f"cannot write into folder {str(folder)!r}: {error}; choose another with --output"
+            f"cannot write into folder {str(folder)!r}: {error}; choose another with {option}"
         ) from error
 
 
@@ -45,6 +45,11 @@ def replace_file(path: str | Path, write: Callable[[Path], None]) -> Path:
     """
     check_type("path", path, (str, Path))
     target = Path(path)
+    if not target.parent.is_dir():
+        raise FileError(
+            f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}; choose an "
+            "existing, writable folder"
+        )
     temporary = target.with_name(f".{os.getpid()}.tmp.{target.name}")
     try:
         write(temporary)

@@ -21,6 +21,7 @@ figcaption, caption { color: #555; font-size: 0.92em; text-align: left; }
 table { border-collapse: collapse; } th, td { padding: 0.3em 0.9em; text-align: right;
   border-bottom: 1px solid #ddd; vertical-align: top; }
 th:first-child, td:first-child { text-align: left; }
+table:not(.words) td { white-space: nowrap; }
 table.words { width: 100%; } table.words th, table.words td { text-align: left; }
 th { font-weight: 600; } th button { all: unset; cursor: pointer; }
 th button:focus-visible { outline: 2px solid #36c; }
@@ -42,7 +43,7 @@ for (const button of document.querySelectorAll("th button")) {
     for (const cell of row.cells) cell.removeAttribute("aria-sort");
     head.setAttribute("aria-sort", up ? "ascending" : "descending");
     const value = (tr) => {
-      const text = tr.cells[column].textContent.trim(), number = parseFloat(text);
+      const text = tr.cells[column].textContent.trim(), number = parseFloat(text.replace(/^~/, ""));
       return Number.isNaN(number) ? text : number;
     };
     const order = (a, b) => {

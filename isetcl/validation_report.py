@@ -67,10 +67,13 @@ class ReportResult:
         report.html and report.json.
     failures
         What failed, by part.
+    is_complete
+        False if Ctrl-C ended it early; it then holds the parts that were finished.
     """
 
     files: tuple[Path, ...]
     failures: dict[str, tuple[str, ...]]
+    is_complete: bool = True
 
 
 def write_validation_report(
@@ -107,6 +110,8 @@ def write_validation_report(
         If a part is unknown.
     DeviceError
         If there is no device.
+    KeyboardInterrupt
+        If interrupted before a part was finished.
     """
     from isetcl.device.choose import find_device
 
@@ -115,20 +120,26 @@ def write_validation_report(
     for name in names:
         check_choice("part of the report", name, _PARTS)
     target = Path(folder)
-    check_folder(target)
+    check_folder(target, "--report")
     find_device(device)
     done: dict[str, tuple[Part, float]] = {}
+    is_complete = True
     for i, name in enumerate(names):
         if on_step is not None:
             on_step(_PARTS[name][0], i / len(names))
         start = time.perf_counter()
         try:
             part = _PARTS[name][1](is_draft, device)
+        except KeyboardInterrupt:
+            if not done:
+                raise
+            is_complete = False
+            break
         except Exception as error:
             words = f"{type(error).__name__}: {error}"
             part = Part([Text(words), Listing(traceback.format_exc())], [words])
         done[name] = part, time.perf_counter() - start
-    return _write(target, done, is_draft, command)
+    return _write(target, done, is_draft, command, is_complete)
 
 
 def report_parts() -> dict[str, str]:
@@ -137,7 +148,11 @@ def report_parts() -> dict[str, str]:
 
 
 def _write(
-    target: Path, done: dict[str, tuple[Part, float]], is_draft: bool, command: str
+    target: Path,
+    done: dict[str, tuple[Part, float]],
+    is_draft: bool,
+    command: str,
+    is_complete: bool,
 ) -> ReportResult:
     where = _where()
     failures = {name: tuple(part.failures) for name, (part, _) in done.items() if part.failures}
@@ -145,6 +160,7 @@ def _write(
         **where,
         "command": command,
         "quality": "draft" if is_draft else "default",
+        "is_complete": is_complete,
         "failures": failures,
         "parts": {
             name: {"seconds": round(seconds, 2), **part.record}
@@ -171,13 +187,14 @@ def _write(
         f"isetcl {__version__}: validation",
         f"isetcl {__version__}: what was measured",
         f"{where['date']}, {where['machine']['system']}, "
-        f"{'; '.join(each['device'] for each in where['devices'])}; quality: {record['quality']}.",
+        f"{'; '.join(each['device'] for each in where['devices'])}; quality: {record['quality']}"
+        f"{'.' if is_complete else '; interrupted, with the parts that were finished.'}",
         sections,
         has_contents=True,
         closing="All numbers are in report.json.",
     )
     files.append(write_file(target / "report.html", content.encode()))
-    return ReportResult(tuple(files), failures)
+    return ReportResult(tuple(files), failures, is_complete)
 
 
 def _plain(value: Any) -> Any:
@@ -255,7 +272,7 @@ def _stability(is_draft: bool, device: str | None) -> Part:
         name = f"{report.device['platform']}: {report.device['device']}"
         head = ("case", "input", "expected", "precision", "measured", "allowed", "verdict")
         bad = sorted({o.verdict for o in report.failures})
-        blocks.append(Table(head, rows, name, is_wordy=True, verdicts=(["passes"], bad)))
+        blocks.append(Table(head, rows, name, is_wordy=True, verdicts=(["pass"], bad)))
         failures += [f"case {o.case.number} in {o.precision} on {name}" for o in report.failures]
     return Part(blocks, failures, {"reports": [report.record() for report in reports]})
 
@@ -294,6 +311,8 @@ def _occlusion(is_draft: bool, device: str | None) -> Part:
     study = occlusion_study(
         columns=30 if is_draft else 60, reference_spp=256 if is_draft else 1024, device=device
     )
+    if not study.is_complete:
+        raise KeyboardInterrupt
     data = study.dataset
     caption = (
         "Errors in the strip of half-width a |D1 - D2| beside a depth edge and outside it, by "
@@ -358,7 +377,7 @@ def _figures(is_draft: bool, device: str | None) -> Part:
             ]
             title = f"Figure {number}: {found.title}"
             blocks.append(Picture(found.files[0].read_bytes(), title))
-            blocks.append(Table(head, rows, title, is_wordy=True, verdicts=verdicts))
+            blocks.append(Table(head, rows, is_wordy=True, verdicts=verdicts))
             failures += [f"Figure {number}: {row.quantity}" for row in found.unexplained]
             record[str(number)] = [dict(zip(head, row, strict=True)) for row in rows]
     return Part(blocks, failures, {"figures": record})

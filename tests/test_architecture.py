@@ -25,7 +25,7 @@ ORDER = (
     {"figures"},
     {"report", "validation_report"},
     {"distributed"},
-    {"cli_scene", "cli_tables"},
+    {"cli_interrupt", "cli_scene", "cli_tables"},
     {"cli_mtf"},
     {"cli_eye", "cli_figures"},
     {"cli_render"},

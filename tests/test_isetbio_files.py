@@ -253,3 +253,9 @@ def test_scenes_that_cannot_be_are_refused(tmp_path, changes, message):
 def test_an_optical_image_is_no_scene(tmp_path, written):
     with pytest.raises(FileError, match="from_isetbio"):
         ic.load_scene(written[1])
+
+
+def test_a_missing_folder_is_named(tmp_path):
+    mosaic = ConeMosaic.from_positions([[0.0, 0.0], [1.0, 0.0]], [0, 1], spacing_um=3.0)
+    with pytest.raises(FileError, match=r"there is no folder.*missing"):
+        mosaic.to_isetbio(tmp_path / "missing" / "m.mat")

@@ -198,3 +198,8 @@ def test_other_files_are_refused(tmp_path):
     for name, message in [("a.nc", "holds no mosaic"), ("b.nc", "does not exist")]:
         with pytest.raises(FileError, match=message):
             ConeMosaic.load(tmp_path / name)
+
+
+def test_rods_that_are_no_function_are_refused_by_name():
+    with pytest.raises(InvalidInputError, match=r"rods must be a function.*'curcio1990'.*no rod"):
+        ic.cones.mosaic(0.1, rods="curcio1990")

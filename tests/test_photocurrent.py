@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+import xarray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import root
@@ -239,3 +240,10 @@ def test_bad_currents_are_refused(seen):
     unplaced = ic.cones.Excitations(seen.dataset.drop_vars("eccentricity_deg"))
     with pytest.raises(InvalidInputError, match="do not tell the eccentricity"):
         ic.cones.photocurrent(unplaced)
+
+
+def test_currents_and_movements_print_as_a_line():
+    gaze = ic.cones.eye_movements(0.02, trials=2)
+    assert repr(gaze) == "<EyeMovements of 2 trials, 4 frames to 0.015 s>"
+    data = xarray.Dataset({"current": (("frame", "receptor"), np.zeros((4, 3)))})
+    assert repr(ic.cones.Photocurrent(data)) == "<Photocurrent of 3 cones in 4 frames>"

@@ -65,6 +65,27 @@ def test_the_commands_about_eyes_are_understood():
     assert [p["pupil"] for p in parsed] == [4.0, 3.0]
 
 
+def test_the_commands_about_cones_and_validation_are_understood():
+    import typer
+
+    from isetcl.cli import app
+
+    group = typer.main.get_command(app).commands
+    lines = [
+        shlex.split(line)[1:]
+        for start in ("isetcl cones", "isetcl validate")
+        for b in blocks()
+        if b.startswith(start)
+        for line in b.splitlines()
+    ]
+    parsed = [group[words[0]].make_context(words[0], words[1:]).params for words in lines]
+    assert [p.get("movie") for p in parsed] == [60.0, *[None] * 5]
+    assert parsed[1]["centre"] == "1,0"
+    assert str(parsed[3]["report"]) == "report"
+    assert parsed[4]["numbers"] == [3, 10]
+    assert parsed[5]["plot"]
+
+
 def test_the_command_with_photographs_is_understood(monkeypatch):
     import typer
 

@@ -174,7 +174,7 @@ def test_chosen_cases_are_run_alone():
     ("arguments", "match"),
     [
         (("--case", 99), "no case 99; cases are numbered 1 to 68"),
-        (("--precision", "half"), "unknown precision"),
+        (("--precision", "half"), "unknown --precision"),
         (("--device", "no such thing"), "no OpenCL device matches"),
         (("--json", "/no/such/folder/s.json"), "does not exist"),
     ],
@@ -190,3 +190,17 @@ def test_bad_requests_are_refused_before_any_case_runs(arguments, match, monkeyp
 def test_a_case_is_registered_once():
     with pytest.raises(AssertionError, match="registered twice"):
         case(1, "again", "nothing", "um", single=0, double=0)(lambda _: 0.0)
+
+
+def test_files_that_cannot_be_written_are_refused_before_any_case(tmp_path):
+    from isetcl.errors import FileError
+
+    for option in ("--json", "--markdown"):
+        for path, reason in (
+            (tmp_path, "it is a folder"),
+            (tmp_path / "no" / "a", "does not exist"),
+        ):
+            found = CliRunner().invoke(app, ["validate", "stability", option, str(path)])
+            assert isinstance(found.exception, FileError)
+            assert f"{option}: cannot write" in str(found.exception)
+            assert reason in str(found.exception)

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from isetcl import validation_report
 from isetcl.cli import app
-from isetcl.errors import InvalidInputError
+from isetcl.errors import FileError, InvalidInputError
 from isetcl.page import Listing, Picture, Table, Text, page
 from isetcl.validation_report import Part, report_parts, write_validation_report
 
@@ -76,6 +76,56 @@ def test_the_command_fails_if_something_does(parts, tmp_path):
     assert run(app, ["validate"]).exit_code == 2
     mixed = run(app, ["validate", "--draft", "stability"])
     assert isinstance(mixed.exception, InvalidInputError)
+
+
+def test_options_of_the_report_without_a_report_are_refused():
+    found = CliRunner().invoke(app, ["validate", "--part", "mtf"])
+    assert isinstance(found.exception, InvalidInputError)
+    assert "add --report FOLDER" in str(found.exception)
+
+
+def test_a_folder_that_cannot_be_written_is_told_with_its_option(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(FileError, match="choose another with --report"):
+        write_validation_report(tmp_path / "file")
+
+
+@pytest.fixture
+def stopped(parts):
+    """Ctrl-C in the second of three parts."""
+
+    def stop(is_draft, device):
+        raise KeyboardInterrupt
+
+    validation_report._PARTS["wrong"] = ("What is wrong", stop)
+
+
+def test_an_interrupted_report_holds_the_parts_that_were_finished(stopped, tmp_path):
+    found = CliRunner().invoke(app, ["validate", "--report", str(tmp_path)])
+    assert found.exit_code == 130
+    assert "interrupted; the report holds the parts that were finished" in found.stderr
+    record = json.loads((tmp_path / "report.json").read_text())
+    assert record["is_complete"] is False
+    assert list(record["parts"]) == ["right"]
+    assert (
+        "interrupted, with the parts that were finished" in (tmp_path / "report.html").read_text()
+    )
+
+
+def test_a_report_interrupted_in_its_first_part_is_not_written(stopped, tmp_path):
+    found = CliRunner().invoke(app, ["validate", "--report", str(tmp_path), "--part", "wrong"])
+    assert found.exit_code == 130
+    assert "interrupted before a part of the report was finished" in found.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_verdicts_of_extreme_cases_have_their_colours(monkeypatch):
+    from isetcl.validation import stability
+
+    run = stability.run
+    monkeypatch.setattr(stability, "run", lambda device: run(device, numbers=[12]))
+    blocks = validation_report._stability(True, None).blocks
+    assert '<td class="good">pass</td>' in blocks[0].markup()
 
 
 def test_a_page_needs_no_other_file():

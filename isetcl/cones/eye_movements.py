@@ -118,6 +118,10 @@ class EyeMovements:
     def __len__(self) -> int:
         return len(self.gaze_deg)
 
+    def __repr__(self) -> str:
+        trials, frames = self.is_microsaccade.shape
+        return f"<EyeMovements of {trials} trials, {frames} frames to {self.time_s[-1]:g} s>"
+
     def path(self, trial: int = 0) -> np.ndarray:
         """The gaze of one trial, (frames, 2), degrees: `gaze_deg` of `ConeMosaic.excitations`."""
         return np.asarray(self.gaze_deg[check_count("trial", trial, 0, len(self) - 1)])

@@ -103,6 +103,10 @@ class Photocurrent:
     def __init__(self, dataset: xarray.Dataset) -> None:
         self.dataset = dataset
 
+    def __repr__(self) -> str:
+        frames, cones = self.current.shape
+        return f"<Photocurrent of {cones} cones in {frames} frames>"
+
     @property
     def current(self) -> xarray.DataArray:
         """Current at the end of each frame, (frame, receptor), pA, without noise."""

@@ -12,6 +12,7 @@ from isetcl.cones.lattice import Sector, relaxed, rings
 from isetcl.cones.receptors import rod_intrusion
 from isetcl.cones.retinal_scale import RetinalScale
 from isetcl.device.lattice import LatticeKernels
+from isetcl.errors import InvalidInputError
 
 ROD_OUTER_SEGMENT_UM = 25.0
 """A round figure, the same for all rods; replace it where it matters."""
@@ -31,6 +32,11 @@ def free_share(eccentricity_deg: np.ndarray) -> np.ndarray:
 
 def check_rods(wanted: DensityFunction, scale: RetinalScale, deg: np.ndarray) -> None:
     """Raise InvalidInputError unless rods per mm^2 are finite and >= 0 at directions (n, 2)."""
+    if not callable(wanted):
+        raise InvalidInputError(
+            "rods must be a function of arrays (x_deg, y_deg) that returns rods per mm^2 of retina "
+            f"for each, got {wanted!r}; isetcl has no rod density of its own"
+        )
     _in_free_room(wanted, scale).per_mm2(scale.to_mm(deg))
 
 

@@ -69,6 +69,7 @@ def excitations_of_turning_eye(
     """
     import xarray
 
+    from isetcl.render.interrupt import check_complete
     from isetcl.render.render import render
 
     check_type("mosaic", mosaic, ConeMosaic)
@@ -91,6 +92,7 @@ def excitations_of_turning_eye(
         x, y = (float(angle) for angle in direction)
         turned = scene.turned((x, y), rotation_centre_mm=rotation_centre_mm)
         image = render(turned, eye, seed=seed + i, **render_options)
+        check_complete(image)
         found.append(excitations(mosaic, image, integration_time_s, seed=seed, **options))
     frames = [found[k].dataset for k in which.ravel()]
     dataset = xarray.concat(

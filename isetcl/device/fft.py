@@ -92,9 +92,9 @@ class DeviceFft:
 def device_fft(device: str | None = None) -> DeviceFft:
     """Fourier transforms on an OpenCL device, for ``psf_baseline.render(..., fft=device_fft())``.
 
-    They are made by VkFFT (D. Tolmachev, IEEE Access 2023) through pyvkfft, an extra of this
-    package. The first of every size is compiled, which takes from a part of a second on GPUs to
-    seconds on processors.
+    They are made by VkFFT (D. Tolmachev, IEEE Access 2023) through pyvkfft, the extra ``gpu-fft``
+    of this package. The first of every size is compiled, which takes from a part of a second on
+    GPUs to seconds on processors.
 
     Parameters
     ----------

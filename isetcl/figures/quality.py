@@ -52,8 +52,11 @@ class Quality:
         return draft if self.is_draft else default
 
     def render(self, scene: Scene, eye: Eye, **options: Any) -> RetinalImage:
-        """`isetcl.render` on this device, with this seed."""
+        """`isetcl.render` on this device, with this seed; Ctrl-C ends the figure."""
+        from isetcl.render.interrupt import check_complete
         from isetcl.render.render import render
 
         options = {"seed": self.seed, "device": self.device, "progress": False} | options
-        return render(scene, eye, **options)
+        image = render(scene, eye, **options)
+        check_complete(image)
+        return image

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 import signal
 from types import FrameType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from isetcl.retina.image import RetinalImage
+
+
+def check_complete(image: RetinalImage) -> None:
+    """Raise KeyboardInterrupt if Ctrl-C ended the render of an image.
+
+    `render` answers Ctrl-C with the image so far. Work that goes on from it must end instead.
+    """
+    if not image.provenance["is_complete"]:
+        raise KeyboardInterrupt
 
 
 class DeferredInterrupt:

@@ -203,6 +203,10 @@ class IrradianceAtPlaces:
                 )
         self.dataset = dataset
 
+    def __repr__(self) -> str:
+        wavelengths, places = self.dataset["irradiance"].shape
+        return f"<IrradianceAtPlaces: {places} places, {wavelengths} wavelengths>"
+
     @classmethod
     def from_replicates(
         cls,

@@ -14,6 +14,7 @@ from isetcl.validation.slanted_edge import slanted_edge_mtf
 from isetcl.validation.slanted_edge_result import Edge, SlantedEdgeMtf
 from isetcl.validation.three_mtfs import ThreeMtfs, three_mtfs
 from isetcl.validation.work_precision import (
+    NoisyTimingError,
     Reference,
     SceneMethod,
     WorkMethod,
@@ -25,6 +26,7 @@ __all__ = [
     "Comparison",
     "Edge",
     "MeasuredTca",
+    "NoisyTimingError",
     "OcclusionError",
     "OcclusionStudy",
     "Reference",

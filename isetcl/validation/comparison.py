@@ -18,6 +18,7 @@ from isetcl.errors import FocusError, InvalidInputError, check_choice, check_cou
 from isetcl.eye.model import Eye
 from isetcl.memory import check_memory
 from isetcl.render.goal import MAX_SPP, error_of_samples
+from isetcl.render.interrupt import check_complete
 from isetcl.render.plan import Plan, plan
 from isetcl.render.progress import Progress
 from isetcl.render.render import render
@@ -179,10 +180,10 @@ def compare(
     verdicts: dict[str, str] = {}
     is_complete = True
     try:
-        _go_on_if_complete(reference)
+        check_complete(reference)
         for spp in samples:
             image = trace(f"ray tracing, {spp} samples", spp, seed)
-            _go_on_if_complete(image)
+            check_complete(image)
             trials.append(_trial("ray tracing", spp, image, reference))
         for name in names:
             with steps.method(name) as advance:
@@ -269,12 +270,6 @@ def _check_comparison_memory(planned: Plan, n_methods: int) -> None:
         columns * rows * per_pixel,
         lambda share: f"about {int(columns * share)} x {int(rows * share)} pixels would fit",
     )
-
-
-def _go_on_if_complete(image: RetinalImage) -> None:
-    """Pass an interruption on that `render` answered with an unfinished image."""
-    if not image.provenance["is_complete"]:
-        raise KeyboardInterrupt
 
 
 def _trial(method: str, spp: int | None, image: RetinalImage, reference: RetinalImage) -> Trial:

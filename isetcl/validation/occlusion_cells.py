@@ -14,6 +14,7 @@ from isetcl import psf_baseline
 from isetcl.errors import FileError, InvalidInputError
 from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye
 from isetcl.psf_baseline.on_retina import throughput
+from isetcl.render.interrupt import check_complete
 from isetcl.render.render import render
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
@@ -110,8 +111,7 @@ class Work:
                 progress=False,
                 **where,
             )
-            if not traced.provenance["is_complete"]:
-                raise KeyboardInterrupt
+            check_complete(traced)
             truth = traced.irradiance.values / white
             noise = (traced.standard_error.values / white) ** 2
         off = []

@@ -59,6 +59,7 @@ class OcclusionStudy:
         ``profile`` and ``profile_rms``; all relative to an even field of level 1.
         ``half_width_arcmin``: a |D1 - D2|.
     provenance : dict
+        Settings, cells and time.
     is_complete
         False if it was interrupted; cells that are missing are NaN.
     """
@@ -85,7 +86,15 @@ class OcclusionStudy:
         known = self.dataset["wavelength"].values
         wanted = known[len(known) // 2] if wavelength_nm is None else wavelength_nm
         data = self.dataset.sel(wavelength=wanted, method="nearest")
-        head = [*AXES, "kind", "half-width '", "reach '", "strip %", "outside %", "largest %"]
+        head = [
+            *AXES,
+            "kind",
+            "half-width arcmin",
+            "reach arcmin",
+            "strip %",
+            "outside %",
+            "largest %",
+        ]
         rows = [head]
         places = [range(data.sizes[axis]) for axis in AXES]
         for place in itertools.product(*places):

@@ -132,6 +132,8 @@ def three_mtfs(
 
     Parameters
     ----------
+    eye
+        The eye, focused on the edge or not.
     wavelengths_nm
         Light: a wavelength, or several.
     weights
@@ -268,12 +270,13 @@ def _render_edge(
     view: tuple[float, int, tuple[float, float], float, float],
     **options: object,
 ) -> RetinalImage:
+    from isetcl.render.interrupt import check_complete
     from isetcl.render.render import render
     from isetcl.scene.targets.edge import slanted_edge
 
     fov, pixels, field, angle, distance = view
     scene = slanted_edge(_FAR_M if math.isinf(distance) else distance, angle)
-    return render(  # type: ignore[call-overload]
+    image: RetinalImage = render(  # type: ignore[call-overload]
         scene,
         eye,
         fov_deg=fov,
@@ -284,6 +287,8 @@ def _render_edge(
         progress=False,
         **options,
     )
+    check_complete(image)
+    return image
 
 
 def _ideal(front: Wavefront, frequency: np.ndarray, angle: float, model: Model) -> np.ndarray:

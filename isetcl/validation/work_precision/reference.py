@@ -12,6 +12,7 @@ from isetcl.device.choose import find_device
 from isetcl.errors import InvalidInputError, check_array, check_type
 from isetcl.eye.model import Eye
 from isetcl.render.goal import MAX_SPP
+from isetcl.render.interrupt import check_complete
 from isetcl.render.render import render
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
@@ -79,8 +80,7 @@ def traced_reference(
     precision = "double" if find_device(device).has_double else "single"
     options = dict(where) | {"spp": spp, "seed": seed, "precision": precision, "bands": _all(where)}
     image = render(scene, eye, sampler="random", device=device, progress=False, **options)
-    if not image.provenance["is_complete"]:
-        raise KeyboardInterrupt
+    check_complete(image)
     return Reference(
         image,
         text=f"ray tracing, {spp} random samples a pixel, {precision} precision, seed {seed}, "

@@ -48,6 +48,7 @@ class WorkPrecision:
     notes : tuple of str
         What a reader must know.
     provenance : dict
+        Settings, versions, device and clock.
     """
 
     dataset: xarray.Dataset

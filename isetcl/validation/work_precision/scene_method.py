@@ -16,6 +16,7 @@ from isetcl.eye.model import Eye
 from isetcl.psf_baseline.pupil import MAX_SAMPLES
 from isetcl.psf_baseline.view import MAX_LAYERS
 from isetcl.render.goal import MAX_SPP
+from isetcl.render.interrupt import check_complete
 from isetcl.render.plan import plan
 from isetcl.render.render import render
 from isetcl.retina.image import RetinalImage
@@ -114,7 +115,9 @@ class SceneMethod:
         def run(scene: Scene, eye: Eye, **changed: Any) -> Run:
             def render_at(value: float, seed: int) -> RetinalImage:
                 options = {"spp": _DEFAULT_SPP, **base, knob: int(value), **changed}
-                return render(scene, eye, seed=seed, progress=False, **options)
+                image = render(scene, eye, seed=seed, progress=False, **options)
+                check_complete(image)
+                return image
 
             return render_at
 
