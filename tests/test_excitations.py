@@ -1,5 +1,7 @@
 """Excitations of receptors against closed forms, sums over many points, and published numbers."""
 
+import sys
+
 import numpy as np
 import pytest
 from cone_oracle import expected_excitations
@@ -505,8 +507,13 @@ def test_bad_input_is_refused(image, options, words):
         mosaic.excitations(image(), **options)
 
 
-def test_instances_beyond_memory_are_refused():
+def test_instances_beyond_memory_are_refused(monkeypatch):
     made = mosaic_of(np.zeros((3, 2)), [0, 1, 2]).excitations(image_of(np.ones((64, 64))))
-    # Three receptors of 4 bytes: 2.24 GiB.
-    with pytest.raises(InvalidInputError, match=r"need 2\.24 GiB"):
-        made.instances(200_000_000)
+    with pytest.raises(InvalidInputError, match="need 12 GiB, and at most 2"):
+        made.instances(1 << 30)
+    # Three receptors of 4 bytes.
+    # The function of the package's that name hides the module.
+    monkeypatch.setattr(sys.modules[Excitations.__module__], "_MOST_BYTES", 1200)
+    assert made.instances(100).shape == (100, 1, 3)
+    with pytest.raises(InvalidInputError, match="101 instances of 1 frames and 3 receptors"):
+        made.instances(101)

@@ -203,3 +203,16 @@ def test_other_files_are_refused(tmp_path):
 def test_rods_that_are_no_function_are_refused_by_name():
     with pytest.raises(InvalidInputError, match=r"rods must be a function.*'curcio1990'.*no rod"):
         ic.cones.mosaic(0.1, rods="curcio1990")
+
+
+def test_densities_on_meridians_are_those_of_the_retina_wherever_the_eye_looks():
+    from isetcl.cones.quality import meridian_density
+
+    made = ic.cones.mosaic(0.6, seed=4)
+    at = [0.1, 0.2]
+    still, numbers = meridian_density(made, "nasal", at, cones=50)
+    moved, others = meridian_density(made.moved((8.0, -3.0)), "nasal", at, cones=50)
+    np.testing.assert_array_equal(numbers, others)
+    np.testing.assert_allclose(moved, still, rtol=1e-12)
+    # In a right eye the nasal retina receives the right field.
+    assert np.all(made.positions_deg[numbers[1], 0].mean() > 0.15)

@@ -221,17 +221,14 @@ def test_tiles_do_not_change_a_bit(monkeypatch):
 
 
 def test_colours_bleed():
-    """Light reaches the wall by way of a red floor only."""
+    """Light reaches the wall by way of a red floor only; both colours have the same samples."""
     w = np.array([450.0, 650.0])
     red = ic.Diffuse(ic.Spectrum(w, np.array([0.1, 0.8])))
     floor = ic.SceneObject("floor", ic.Quad((-5, -0.5, -1), (10, 0, 0), (0, 0, 3)), red)
     scene = lit_wall(floor, lights=(ic.DistantLight((0.0, 1.0, -0.1), UNIT),))
-    image = ic.render(
-        scene, EYE, fov_deg=1.0, resolution=4, spp=512, wavelengths_nm=w, max_bounces=2
-    )
-    white = ic.render(
-        ic.scenes.uniform(spectrum=UNIT), EYE, fov_deg=1.0, resolution=4, spp=64, wavelengths_nm=w
-    )
+    where = {"fov_deg": 1.0, "resolution": 4, "wavelengths_nm": w, "bands": 1}
+    image = ic.render(scene, EYE, spp=512, max_bounces=2, **where)
+    white = ic.render(ic.scenes.uniform(spectrum=UNIT), EYE, spp=64, **where)
     blue, red_light = (image.irradiance / white.irradiance).mean(axis=(1, 2)).values
     assert red_light > 0
     assert red_light / blue == pytest.approx(8.0, rel=1e-3)

@@ -147,6 +147,7 @@ def test_rays_through_the_pupil_have_the_moments_of_the_psf(field):
         assert np.sum(w * mine**2) == pytest.approx(np.sum(kernel * places**2), rel=0.02)
 
 
+@pytest.mark.slow
 def test_cells_of_an_elliptical_pupil_have_the_moments_of_the_psf():
     eye = ic.eyes.navarro(4.0, 2.0)
     narrow = ic.Stop(eye.stop.z_mm, 4.0, minor_diameter_mm=2.0, axis_deg=30.0)

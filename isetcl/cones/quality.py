@@ -162,7 +162,11 @@ def meridian_density(
             f"cones must be at most {len(able)}, those that touch no border, got {cones}"
         )
     places = on_meridian(meridian, ecc, mosaic.eye)
-    deg = mosaic.positions_deg[cells.numbers[able]]
+    # From the fovea, wherever a moved mosaic looks: the retina has directions upside down.
+    of = cells.numbers[able]
+    from_fovea = -mosaic.positions_mm[of]
+    length = np.maximum(np.hypot(*from_fovea.T), 1e-12)
+    deg = from_fovea * (mosaic.eccentricity_deg[of] / length)[:, None]
     _, nearest = cKDTree(deg).query(places, k=cones)
     chosen = able[nearest.reshape(len(ecc), cones)]
     density = cones / cells.area_mm2[chosen].sum(axis=1)
