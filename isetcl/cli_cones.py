@@ -151,7 +151,8 @@ def cones(
         end_interrupted(" before there were excitations to write")
     _report(found, mosaic, written)
     if was_interrupted:
-        end_interrupted("; the image of the scene holds what was finished")
+        what = "the light at the cones" if no_image else "the image of the scene"
+        end_interrupted(f"; {what} holds what was finished")
 
 
 def _checked(

@@ -155,6 +155,7 @@ def test_polychromatic_geometric_mtf_is_zemax_s():
     np.testing.assert_allclose(got, expected, atol=0.003)
 
 
+@pytest.mark.slow
 def test_polychromatic_mtf_with_diffraction_agrees_with_another_program():
     # 2 mm entrance pupil, equal energy, V(lambda), best focus (flat within 0.03 dpt).
     eye = ic.eyes.navarro(2.0, pupil_plane="entrance")
@@ -179,6 +180,7 @@ def test_polychromatic_mtf_of_larger_pupils_agrees_too(pupil_mm, defocus_dpt, ex
     np.testing.assert_allclose(got, expected, atol=0.015)
 
 
+@pytest.mark.slow
 def test_off_axis_colours_lie_apart_in_the_polychromatic_transfer():
     # Two narrow lines: modulus falls by cos(pi f TCA) along the field, and not across it.
     eye = ic.eyes.navarro(1.5)

@@ -143,6 +143,7 @@ def test_focus_of_a_figure_of_revolution_is_the_same_through_the_whole_pupil():
 # Symmetries.
 
 
+@pytest.mark.slow
 def test_turning_an_eye_turns_its_chief_rays_and_pupils():
     plain, turned = crooked(), crooked(70.0)
     c, s = np.cos(np.radians(70.0)), np.sin(np.radians(70.0))
@@ -323,6 +324,7 @@ def test_a_relief_on_a_tilted_retina_lies_on_the_surface_that_rays_meet():
     np.testing.assert_allclose(chief.field_of_point_deg(point), fields, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_relief_lifts_points_along_its_axis_and_tilts_their_normals():
     eye = bumpy()
     smooth = ic.eyes.navarro(3.0).retina

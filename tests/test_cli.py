@@ -7,6 +7,7 @@ import sys
 
 import numpy as np
 import pytest
+from slow_cases import slow_after
 
 import isetcl as ic
 
@@ -138,10 +139,13 @@ def test_an_eye_that_cannot_accommodate_is_compared_relaxed(tmp_path, monkeypatc
 
 @pytest.mark.parametrize(
     ("when", "finished"),
-    [
-        ("ray tracing, 2 samples", {"ray_tracing"}),
-        ("PSF method layered_over", {"ray_tracing", "layered_sum"}),
-    ],
+    slow_after(
+        1,
+        [
+            ("ray tracing, 2 samples", {"ray_tracing"}),
+            ("PSF method layered_over", {"ray_tracing", "layered_sum"}),
+        ],
+    ),
 )
 def test_ctrl_c_leaves_a_report_of_what_was_finished(when, finished, tmp_path, monkeypatch, capsys):
     from isetcl import cli

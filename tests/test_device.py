@@ -293,10 +293,11 @@ def test_wrong_rays_by_a_micrometre_are_refused(device, tmp_path, monkeypatch):
     assert not selftest.run(device, "single").passed
 
 
-_SLOWLY = (pytest.param(name, marks=pytest.mark.slow) for name in ("POCL_CACHE_DIR", "HOME"))
+_VARIABLES = ("XDG_CACHE_HOME", "POCL_CACHE_DIR", "HOME")
 
 
-@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", *_SLOWLY])
+@pytest.mark.slow
+@pytest.mark.parametrize("variable", _VARIABLES)
 def test_caches_that_cannot_be_written_are_replaced(variable, tmp_path):
     wrong = tmp_path / "file"
     wrong.write_text("no folder")

@@ -254,7 +254,7 @@ def test_the_default_compiles_no_bends():
 @pytest.mark.parametrize(
     ("eye", "resolution", "chosen"),
     [
-        (PERFECT, 128, "airy"),
+        pytest.param(PERFECT, 128, "airy", marks=pytest.mark.slow),
         pytest.param(ic.eyes.navarro(2.0), 128, "iset3d", marks=pytest.mark.slow),
         pytest.param(PERFECT, 2, "none", marks=pytest.mark.slow),
     ],

@@ -49,6 +49,7 @@ def test_contrast_is_the_change_over_the_background():
     np.testing.assert_allclose(own[0], [10 / 17.5 - 1, 30 / 17.5 - 1, 0.0])
 
 
+@pytest.mark.slow
 def test_a_contrast_image_reproduces_a_plane_between_the_cones_of_a_type():
     rng = np.random.default_rng(5)
     places = rng.uniform(-1, 1, size=(2, 300))

@@ -55,6 +55,7 @@ def test_measuring_an_eye_gives_the_fit_to_its_wavefront(field):
     assert fast.zernike.coefficients_um == pytest.approx(slow, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_perturbed_eye_is_recovered_from_noiseless_zernikes_at_five_fields():
     found = fit(measured(), START, FREE)
     assert found.is_converged

@@ -146,10 +146,11 @@ def test_both_pipelines_see_the_same_through_a_gradient_lens(make, few_lanes):
     eye = make(4.0)
     direct = ic.render(ic.Scene(objects), eye, **where).irradiance.values
     paths = ic.render(ic.Scene((*objects, hidden)), eye, **where).irradiance.values
-    # The same rays; a few meet the edge on the other side of rounding.
+    # The same rays; hardly one of 9216 meets an edge on the other side of rounding, which moves its
+    # pixel by one sample of 32.
     off = np.abs(paths - direct) / direct.max()
-    assert np.median(off) < 1e-6
-    assert paths.mean() == pytest.approx(direct.mean(), rel=1e-4)
+    assert np.count_nonzero(off > 1e-6) <= 3
+    assert off.max() < 1.5 / 32
 
 
 def test_a_plan_says_how_many_steps_go_through_a_lens():

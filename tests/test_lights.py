@@ -163,6 +163,7 @@ def test_a_sun_a_million_times_the_sky_converges():
     assert max(unasked, abs(mean - expected)) > 10 * error
 
 
+@pytest.mark.slow
 def test_shares_of_the_sky_are_those_of_the_interpolated_picture():
     """Also where the picture is repeated or moved: the noise stays that of the plain one."""
     texels = np.ones((32, 64))

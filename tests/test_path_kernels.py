@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from path_views import EVERYTHING, EYE, HALF, UNIT, pipeline_of, pixels_of, placed, quad_mesh
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.render import plan as plan_module
@@ -147,7 +148,7 @@ def scaled_scene(size):
     )
 
 
-@pytest.mark.parametrize("size", [1e-3, 1e3, 1e9])
+@pytest.mark.parametrize("size", slow_after(0, [1e-3, 1e3, 1e9]))
 @BOTH
 @FEW
 def test_scenes_look_alike_whatever_their_size(size, precision):
@@ -165,6 +166,7 @@ def test_scenes_look_alike_whatever_their_size(size, precision):
 
 @BOTH
 @FEW
+@pytest.mark.slow
 def test_tiny_scenes_have_finite_pixels(precision):
     """Shapes of a micrometre right before the cornea."""
     pipeline, tile = pipeline_of(

@@ -138,6 +138,7 @@ def test_images_are_averaged_down_where_a_pixel_covers_many_texels():
     assert fine.images[0].shape == (2048, 2048)
 
 
+@pytest.mark.slow
 def test_texels_are_packed_only_where_that_is_harmless():
     picture = ic.Image(np.random.default_rng(0).random((8, 8, 3)))
     scene = ic.scenes.image_plane(picture, 1.0, 10.0)

@@ -121,6 +121,7 @@ def test_the_wave_psf_has_the_eye_s_transfer(vergence, field):
     assert np.abs(line_transfer(psf) - expected).max() < 0.012
 
 
+@pytest.mark.slow
 def test_wave_and_rays_agree_where_the_blur_is_large():
     field, vergence = (10.0, 4.0), 0.0
     wave = KINDS["wave"](EYE, 550.0, vergence, 0.01, field)

@@ -123,6 +123,7 @@ def test_the_same_seed_gives_the_same_bits_whatever_the_tiles(monkeypatch):
     np.testing.assert_array_equal(whole.standard_error.values, pieces.standard_error.values)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_on_one_thread(device, tmp_path):
     if device.platform != "Portable Computing Language":
         pytest.skip("the number of threads is set for PoCL")

@@ -352,6 +352,15 @@ def test_an_image_is_not_compared_on_another_grid_and_both_are_named():
         image_test(one, render_once(wavelengths_nm=(500.0, 550.0, 600.0)))
 
 
+def test_images_of_one_wavelength_are_compared():
+    where = {"wavelengths_nm": (550.0,), "spp": 64}
+    one, other = render_once(**where), render_once(**where, seed=5)
+    assert image_test(one, other).passed
+    brighter = other.dataset.copy()
+    brighter["irradiance"] = 1.3 * brighter["irradiance"]
+    assert not image_test(one, ic.RetinalImage(brighter)).passed
+
+
 def test_a_reference_noisier_than_the_image_is_said():
     one, other = render_once(spp=512), render_once(spp=16, seed=3)
     assert any("noisier" in note for note in image_test(one, other).notes)
@@ -373,6 +382,7 @@ def test_a_reference_noisier_than_the_image_is_said():
         (lambda: stats.chi_square_p([1.0, 2.0], [1.0, 2.0]), "draw more samples"),
         (lambda: stats.welch_p([1.0], [1.0, 2.0]), "at least two replicates"),
         (lambda: stats.power(1.0, 0.0, alpha=0.05), "error must be > 0"),
+        (lambda: stats.detectable_bias(1.0, alpha=0.0), "alpha and power must be > 0"),
     ],
 )
 def test_bad_input_is_refused_with_the_rule(make, match):

@@ -372,6 +372,7 @@ def test_a_reference_that_is_not_independent_is_refused():
         (lambda: study({"a": Planted()}, reference=np.zeros(PIXELS)), "black"),
         (lambda: study({"a": Planted()}, reference=Reference(TRUTH, np.ones(3))), "shape"),
         (lambda: work_precision([WorkMethod("a", print, (1,))] * 2), "different names"),
+        (lambda: study({"a": Planted()}, fov=2.0), "argument of work_precision 'fov'.*fov_deg"),
     ],
 )
 def test_bad_input_is_refused(make, text):

@@ -208,13 +208,10 @@ def _estimate(name: str, image: RetinalImage) -> Estimate:
         )
     mean = data["irradiance"].values.astype(np.float64)
     _check_numbers(name, mean)
-    return Estimate(
-        mean,
-        error**2,
-        max(2, int(image.provenance.get("replicates", 2))),
-        image.illuminance_lux.values.astype(np.float64)[None],
-        data["illuminance_standard_error"].values.astype(np.float64)[None] ** 2,
-    )
+    # The illuminance, or the sum of what no cone of the standard observer sees.
+    grey, grey_error = (np.asarray(v, dtype=np.float64)[None] for v in image.brightness())
+    count = max(2, int(image.provenance.get("replicates", 2)))
+    return Estimate(mean, error**2, count, grey, grey_error**2)
 
 
 def mean_of_channels(arm: AnyArm) -> AnyArm:

@@ -104,6 +104,11 @@ def detectable_bias(
 
     check_between("power", power, 0.0, 1.0)
     check_between("alpha", alpha, 0.0, 1.0)
+    if not (0.0 < alpha < 1.0 and 0.0 < power < 1.0):
+        raise InvalidInputError(
+            f"alpha and power must be > 0 and < 1, got {alpha:g} and {power:g}: certainty needs an "
+            "infinite bias"
+        )
     if math.isinf(freedom):
         return float((stats.norm.isf(alpha / 2) + stats.norm.isf(1.0 - power)) * error)
     return float((stats.t.isf(alpha / 2, freedom) + stats.t.isf(1.0 - power, freedom)) * error)

@@ -59,6 +59,9 @@ _PART_REPLICATES = 4
 StepCallback = Callable[[str, float], None]
 
 
+_WHERE = ("fov_deg", "resolution", "centre_deg", "wavelengths_nm")
+
+
 @dataclass(frozen=True)
 class _Point:
     """A method at one value of its knob."""
@@ -145,6 +148,8 @@ def work_precision(
     NoisyTimingError
         If the machine was too noisy and `allow_noise` is False; its `result` has all but times.
     """
+    for name in where:
+        check_choice("argument of work_precision", name, _WHERE)
     named = _methods(methods, scene, eye, where, device)
     count = check_count("replicates", replicates, 2, 10_000)
     check_choice("quantity", quantity, QUANTITIES)
