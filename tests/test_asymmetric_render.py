@@ -123,6 +123,7 @@ def test_the_picture_of_bars_is_what_rays_from_them_make(name, pipeline):
 
 
 @pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_a_figure_of_revolution_gives_the_same_picture_in_two_angles(precision):
     eye = ic.eyes.navarro(3.0)
     one, _ = image(bars(), eye, 16, 256, precision=precision, replicates=2)

@@ -25,6 +25,7 @@ def run(*arguments, cwd=None, env=None):
     )
 
 
+@pytest.mark.slow
 def test_compare_writes_its_folder_and_prints_a_table(tmp_path):
     result = run("compare", *SMALL, "--output", "results", cwd=tmp_path)
     assert result.returncode == 0, result.stderr

@@ -66,6 +66,7 @@ def test_layers_are_written_as_data_and_pictures(isetcl, tmp_path):
     assert float(data["distance_m"].max()) == pytest.approx(2.0, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_file_without_light_is_lit_by_a_sky_and_the_user_is_told(isetcl, tmp_path):
     (tmp_path / "square.obj").write_text(SQUARE)
     status, _, err = isetcl("square.obj", *TINY, "--fov", "4")

@@ -197,6 +197,7 @@ def test_planes_in_one_place_all_add_and_all_let_pass():
         assert found == pytest.approx(expected, abs=4 * error + 1e-4)
 
 
+@pytest.mark.slow
 def test_bounces_count_what_scatters_only():
     """A mirror behind additive planes shows them again; without bounces it is black."""
     mirror = ic.SceneObject("mirror", ic.Quad((-3, -3, -2), (6, 0, 0), (0, 6, 0)), ic.Mirror(UNIT))

@@ -129,6 +129,7 @@ def test_a_gradient_of_zero_is_a_homogeneous_medium(precision):
     np.testing.assert_allclose(got.positions_mm, expected.positions_mm, rtol=0, atol=limit)
 
 
+@pytest.mark.slow
 def test_a_kernel_for_polynomials_of_a_higher_degree_sees_the_same_lens(device, precision):
     sequence = elements(liou_eye(), LIOU_NM)
     origins, directions = bundle(32, 2.0, 0.2)

@@ -189,6 +189,7 @@ def test_the_eye_sees_the_picture_all_around(rotation):
     np.testing.assert_allclose(values, expected, atol=0.02 * expected.max())
 
 
+@pytest.mark.slow
 def test_a_mirror_ball_shows_the_picture_all_around():
     """Rays are reflected on the host: d - 2 (d . n) n."""
     across = 0.6 + 0.4 * np.cos(2 * np.pi * (np.arange(24) + 0.5) / 24)
@@ -217,6 +218,7 @@ LAMP = ic.Quad((-0.5, -0.5, 0.5), (0, 1, 0), (1, 0, 0))  # behind the eye, facin
 
 
 @pytest.mark.parametrize("shape", ["quad", "mesh", "instance"])
+@pytest.mark.slow
 def test_one_sided_lamps_shine_only_forwards(shape):
     body = LAMP if shape == "quad" else quad_mesh(LAMP)
     if shape == "instance":

@@ -116,6 +116,7 @@ def test_any_tiles_give_the_same_bits(is_fused, monkeypatch):
 
 
 @FEW
+@pytest.mark.slow
 def test_samples_of_the_stages_agree_with_their_mean():
     """The mean film is what the launches add up to, whatever their number."""
     changes = EVERYTHING | {"is_fused": False}

@@ -44,6 +44,7 @@ def radiance_of(scene, *, fov_deg=0.05, resolution=4, spp=256, **options):
 
 
 @pytest.mark.own_kernels
+@pytest.mark.slow
 def test_what_only_emits_is_seen_as_by_the_direct_pipeline(precision):
     objects = (
         ic.SceneObject("disc", ic.Disc((0.01, 0, -0.5), 0.01), ic.Emission(UNIT)),

@@ -16,6 +16,7 @@ def blocks(language=""):
     return [text for kind, text in found if kind == language]
 
 
+@pytest.mark.slow
 def test_the_python_examples_run_one_after_the_other(tmp_path, monkeypatch, capsys):
     import xarray
 
