@@ -209,6 +209,7 @@ def test_bounces_count_what_scatters_only():
 
 
 @pytest.mark.parametrize("opaque", [False, True])
+@pytest.mark.slow
 def test_an_additive_lamp_lights_a_wall_through_another(opaque):
     """What it sends does not depend on what it lets pass; two of them add, in either order."""
     lamp = ic.Quad((-0.5, -0.5, 0.5), (0, 1, 0), (1, 0, 0))

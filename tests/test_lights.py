@@ -237,7 +237,7 @@ def test_one_sided_lamps_shine_only_forwards(shape):
 
 
 @pytest.mark.filterwarnings("ignore:no light of scene")
-@pytest.mark.parametrize("shape", ["quad", "mesh", "sphere"])
+@pytest.mark.parametrize("shape", slow_after(1, ["quad", "mesh", "sphere"]))
 def test_one_sided_lamps_are_dark_from_behind(shape):
     backwards = ic.Quad(LAMP.corner_m, LAMP.edge_v_m, LAMP.edge_u_m)
     body = {
@@ -258,7 +258,7 @@ def test_one_sided_lamps_are_dark_from_behind(shape):
             assert found == pytest.approx(seen, rel=1e-5)
 
 
-@pytest.mark.parametrize("shape", ["sphere", "mesh"])
+@pytest.mark.parametrize("shape", slow_after(1, ["sphere", "mesh"]))
 @pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (0.3, -0.2, -0.4)])
 def test_a_closed_shining_cavity_is_a_furnace(shape, place):
     """Le / (1 - rho), also where light of the cavity is found by asking for it."""
@@ -340,6 +340,7 @@ def test_a_translucent_sheet_passes_light_behind_it():
     assert found == pytest.approx(0.6 / np.pi * 0.8, abs=3.5 * error + 1e-4)
 
 
+@pytest.mark.slow
 def test_sides_of_a_two_sided_surface_are_its_own():
     sides = ic.TwoSided(
         ic.Diffuse(ic.Spectrum.constant(0.8)), ic.Diffuse(ic.Spectrum.constant(0.2))
