@@ -5,12 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from isetcl.errors import FileError, check_type
-
-if TYPE_CHECKING:
-    import xarray
 
 
 def check_folder(folder: Path, option: str = "--output") -> None:
@@ -70,14 +66,3 @@ def write_file(path: Path, data: bytes) -> Path:
 
 def _write(file: Path, data: bytes) -> None:
     file.write_bytes(data)
-
-
-def save_dataset(dataset: xarray.Dataset, path: str | Path) -> Path:
-    """Write a dataset as compressed NetCDF-4, as `replace_file` does; returns its path."""
-    packed = {"zlib": True, "complevel": 1, "shuffle": True}
-    numbers = [name for name, data in dataset.data_vars.items() if data.dtype.kind in "fiu"]
-
-    def write(file: Path) -> None:
-        dataset.to_netcdf(file, engine="h5netcdf", encoding=dict.fromkeys(numbers, packed))
-
-    return replace_file(path, write)

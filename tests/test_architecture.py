@@ -13,7 +13,18 @@ PACKAGE = Path(__file__).parent.parent / "isetcl"
 # Imports only go down this list.
 ORDER = (
     {"version"},
-    {"errors", "units", "memory", "output", "page", "matlab", "photons", "spectrum", "data"},
+    {
+        "errors",
+        "units",
+        "memory",
+        "output",
+        "netcdf",
+        "page",
+        "matlab",
+        "photons",
+        "spectrum",
+        "data",
+    },
     {"eye"},
     {"scene"},
     {"device", "kernels"},

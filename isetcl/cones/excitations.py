@@ -17,7 +17,6 @@ from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.observer import Observer
 from isetcl.cones.receptors import ReceptorType
 from isetcl.errors import (
-    FileError,
     InvalidInputError,
     check_choice,
     check_count,
@@ -26,7 +25,7 @@ from isetcl.errors import (
     check_type,
     check_vectors,
 )
-from isetcl.output import save_dataset
+from isetcl.netcdf import load_dataset, save_dataset
 from isetcl.retina.image import RetinalImage
 from isetcl.retina.places import IrradianceAtPlaces
 
@@ -201,18 +200,7 @@ class Excitations:
         FileError
             If the file cannot be read or is something else.
         """
-        import xarray
-
-        check_type("path", path, (str, Path))
-        if not Path(path).is_file():
-            raise FileError(f"file {str(path)!r} does not exist")
-        try:
-            with xarray.open_dataset(path, engine="h5netcdf") as opened:
-                return cls(opened.load())
-        except (OSError, ValueError, InvalidInputError) as error:
-            raise FileError(
-                f"file {str(path)!r} holds no excitations of isetcl: {error}"
-            ) from error
+        return load_dataset(path, "excitations", cls)
 
 
 def excitations(

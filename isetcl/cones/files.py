@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from isetcl.cones.mosaic import PER_RECEPTOR, ConeMosaic
-from isetcl.errors import FileError, check_type
-from isetcl.output import save_dataset
+from isetcl.netcdf import load_dataset, save_dataset
+
+if TYPE_CHECKING:
+    import xarray
 
 FORMAT_VERSION = 1
 _UNITS = {"positions_deg": "deg", "positions_mm": "mm", "eccentricity_deg": "deg", "types": "1"}
@@ -47,23 +50,15 @@ def load_mosaic(path: str | Path) -> ConeMosaic:
     FileError
         If the file does not exist or holds no mosaic.
     """
-    import xarray
+    return load_dataset(path, "mosaic", _mosaic_of)
 
-    check_type("path", path, (str, Path))
-    file = Path(path)
-    if not file.is_file():
-        raise FileError(f"file {str(file)!r} does not exist")
-    try:
-        with xarray.open_dataset(file, engine="h5netcdf") as dataset:
-            if "isetcl_mosaic" not in dataset.attrs:
-                raise ValueError("it lacks the attribute 'isetcl_mosaic'")
-            arrays = {name: np.asarray(dataset[name].values) for name in PER_RECEPTOR}
-            attributes = dict(dataset.attrs)
-        return ConeMosaic(
-            **arrays,
-            eye=attributes["eye"],
-            aperture_shape=attributes["aperture_shape"],
-            provenance=json.loads(attributes["provenance"]),
-        )
-    except (OSError, ValueError, KeyError) as error:
-        raise FileError(f"file {str(file)!r} holds no mosaic of isetcl: {error}") from error
+
+def _mosaic_of(dataset: xarray.Dataset) -> ConeMosaic:
+    if "isetcl_mosaic" not in dataset.attrs:
+        raise ValueError("it lacks the attribute 'isetcl_mosaic'")
+    return ConeMosaic(
+        **{name: np.asarray(dataset[name].values) for name in PER_RECEPTOR},
+        eye=dataset.attrs["eye"],
+        aperture_shape=dataset.attrs["aperture_shape"],
+        provenance=json.loads(dataset.attrs["provenance"]),
+    )

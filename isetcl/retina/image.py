@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isetcl.errors import FileError, InvalidInputError, check_choice, check_positive, check_type
-from isetcl.output import save_dataset
+from isetcl.errors import InvalidInputError, check_choice, check_positive, check_type
+from isetcl.netcdf import load_dataset, save_dataset
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.transmittance import Transmittance
 from isetcl.spectrum import photopic_weights
@@ -401,20 +401,7 @@ class RetinalImage:
         FileError
             If the file does not exist or holds no retinal image.
         """
-        import xarray
-
-        check_type("path", path, (str, Path))
-        file = Path(path)
-        if not file.is_file():
-            raise FileError(f"file {str(file)!r} does not exist")
-        try:
-            with xarray.open_dataset(file, engine="h5netcdf") as dataset:
-                loaded = dataset.load()
-            return cls(loaded)
-        except (OSError, ValueError, KeyError) as error:
-            raise FileError(
-                f"file {str(file)!r} holds no retinal image of isetcl: {error}"
-            ) from error
+        return load_dataset(path, "retinal image", cls)
 
     def to_isetbio(self, path: str | Path) -> Path:
         """Write the image as an optical image that ISETBio and ISETCam open; returns the path.

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isetcl.errors import FileError, InvalidInputError, check_type
-from isetcl.output import save_dataset
+from isetcl.errors import InvalidInputError, check_type
+from isetcl.netcdf import load_dataset, save_dataset
 
 if TYPE_CHECKING:
     import xarray
@@ -81,15 +81,4 @@ class PinholeView:
         FileError
             If the file does not exist or is no view.
         """
-        import xarray
-
-        file = Path(path)
-        if not file.is_file():
-            raise FileError(f"view file {str(file)!r} does not exist")
-        try:
-            with xarray.open_dataset(file, engine="h5netcdf") as dataset:
-                return cls(dataset.load())
-        except (OSError, ValueError, InvalidInputError) as error:
-            raise FileError(
-                f"{str(file)!r} is no pinhole view ({error}); write one with PinholeView.save"
-            ) from error
+        return load_dataset(path, "pinhole view", cls)

@@ -19,7 +19,6 @@ import numpy as np
 
 from isetcl import psf_baseline
 from isetcl.errors import (
-    FileError,
     InvalidInputError,
     check_between,
     check_choice,
@@ -29,6 +28,7 @@ from isetcl.errors import (
 )
 from isetcl.eye import catalog
 from isetcl.eye.model import Eye
+from isetcl.netcdf import save_dataset
 from isetcl.spectrum import check_wavelengths
 from isetcl.validation.edge_scene import EdgeScene
 from isetcl.validation.occlusion_cells import REGIONS, EyeMaker, Log, Work, key
@@ -122,14 +122,10 @@ class OcclusionStudy:
         Raises
         ------
         FileError
+            If it cannot be written.
         """
-        target = Path(path)
         data = self.dataset.assign_attrs(provenance=json.dumps(self.provenance))
-        try:
-            data.to_netcdf(target, engine="h5netcdf")
-        except OSError as error:
-            raise FileError(f"cannot write {target}: {error}") from error
-        return target
+        return save_dataset(data, path)
 
 
 def occlusion_study(

@@ -242,7 +242,7 @@ def _beyond_critical(bench: Bench) -> int:
 
 
 @case(16, "equal indices on both sides", "undeviated, paths add up", "spacings",
-      single=2.0, double=2.0)  # fmt: skip
+      single=1.0, double=1.0)  # fmt: skip
 def _equal_indices(bench: Bench) -> float:
     element = surface(bench, 0.15, -0.5, (1.376, 1.376))
     angles = np.linspace(-0.6, 0.6, 31)
