@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from isetcl.psf_baseline import methods
 from isetcl.retina.image import RetinalImage
 from isetcl.validation.comparison import Comparison, Trial
-from isetcl.validation.occlusion import OcclusionError
+from isetcl.validation.occlusion.error import OcclusionError
 
 RAY_COLOUR = "#1f4e79"
 _METHOD_STYLES = {

@@ -36,11 +36,6 @@ ORDER = (
     {"figures"},
     {"report", "validation_report"},
     {"distributed"},
-    {"cli_interrupt", "cli_scene", "cli_tables"},
-    {"cli_mtf"},
-    {"cli_eye", "cli_figures"},
-    {"cli_render"},
-    {"cli_cones", "cli_validate"},
     {"cli"},
 )
 RANK = {name: i for i, group in enumerate(ORDER) for name in group}

@@ -150,14 +150,15 @@ def test_an_eye_that_cannot_accommodate_is_compared_relaxed(tmp_path, monkeypatc
 )
 def test_ctrl_c_leaves_a_report_of_what_was_finished(when, finished, tmp_path, monkeypatch, capsys):
     from isetcl import cli
+    from isetcl.cli import compare
 
-    class Interrupts(cli._StepBar):
+    class Interrupts(compare._StepBar):
         def __call__(self, text, fraction):
             if text.startswith(when):
                 signal.raise_signal(signal.SIGINT)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "_StepBar", Interrupts)
+    monkeypatch.setattr(compare, "_StepBar", Interrupts)
     monkeypatch.setattr(sys, "argv", ["isetcl", "compare", *SMALL])
     with pytest.raises(SystemExit) as stopped:
         cli.main()
@@ -172,13 +173,14 @@ def test_ctrl_c_leaves_a_report_of_what_was_finished(when, finished, tmp_path, m
 
 def test_ctrl_c_before_there_is_anything_says_so(tmp_path, monkeypatch, capsys):
     from isetcl import cli
+    from isetcl.cli import compare
 
-    class Interrupts(cli._StepBar):
+    class Interrupts(compare._StepBar):
         def __call__(self, text, fraction):
             signal.raise_signal(signal.SIGINT)
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli, "_StepBar", Interrupts)
+    monkeypatch.setattr(compare, "_StepBar", Interrupts)
     monkeypatch.setattr(sys, "argv", ["isetcl", "compare", *SMALL])
     with pytest.raises(SystemExit) as stopped:
         cli.main()
@@ -188,7 +190,7 @@ def test_ctrl_c_before_there_is_anything_says_so(tmp_path, monkeypatch, capsys):
 
 
 def test_accommodation_may_be_given_in_words():
-    from isetcl.cli import _model_eye
+    from isetcl.cli.compare import _model_eye
 
     for word, v in (("near", 2.0), ("far", 0.8), ("1.5", 1.5)):
         assert _model_eye("navarro", 4.0, word, 0.5, 1.25).focus_vergence_dpt() == pytest.approx(
@@ -197,7 +199,7 @@ def test_accommodation_may_be_given_in_words():
 
 
 def test_defaults_depend_on_photographs_and_samples():
-    from isetcl.cli import _field, _trial_samples
+    from isetcl.cli.compare import _field, _trial_samples
 
     assert (_field(None, False), _field(None, True), _field(3.0, True)) == (2.0, 8.0, 3.0)
     assert _trial_samples(256) == [4, 16, 64, 256]
@@ -205,7 +207,7 @@ def test_defaults_depend_on_photographs_and_samples():
 
 
 def test_without_photographs_the_scene_is_figure_12():
-    from isetcl.cli import _two_planes
+    from isetcl.cli.compare import _two_planes
 
     scene, angle, white = _two_planes(None, None, 0.5, 2.0, 2.0)
     assert (angle, white) == (45.0, "E")

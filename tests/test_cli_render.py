@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl import cli, cli_scene
+from isetcl import cli
+from isetcl.cli import inputs
 from isetcl.scene import extent
 
 TINY = ["--size", "12", "--spp", "4"]
@@ -206,35 +207,35 @@ def test_every_target_that_needs_no_arguments_is_offered():
             for p in inspect.signature(getattr(ic.scenes, name)).parameters.values()
         )
     }
-    assert ready | {"textured_plane"} == set(cli_scene.TARGETS)
+    assert ready | {"textured_plane"} == set(inputs.TARGETS)
 
 
 def test_accommodation_is_dioptres_a_distance_or_a_word():
     for text, value in (("2", 2.0), ("2 dpt", 2.0), ("1.5D", 1.5), ("0.5m", 2.0), ("25cm", 4.0)):
-        assert cli_scene.vergence(text) == pytest.approx(value)
-    assert cli_scene.vergence("400 mm") == pytest.approx(2.5)
-    assert cli_scene.vergence("Relaxed") == "relaxed"
+        assert inputs.vergence(text) == pytest.approx(value)
+    assert inputs.vergence("400 mm") == pytest.approx(2.5)
+    assert inputs.vergence("Relaxed") == "relaxed"
 
 
 def test_the_eye_focuses_on_what_stands_ahead_if_it_can(capsys):
     def at(distance):
         return ic.scenes.siemens_star(distance)
 
-    assert cli_scene.accommodated("navarro", 4.0, "centre", at(0.4)).focus_vergence_dpt() == (
+    assert inputs.accommodated("navarro", 4.0, "centre", at(0.4)).focus_vergence_dpt() == (
         pytest.approx(2.5, abs=1e-3)
     )
     relaxed = ic.eyes.navarro(4.0)
     far = (at(6.0), "beyond its far point")
     for scene, message in (far, (at(0.05), "too near"), (ic.scenes.uniform(), "nothing stands")):
-        assert cli_scene.accommodated("navarro", 4.0, "centre", scene).surfaces == relaxed.surfaces
+        assert inputs.accommodated("navarro", 4.0, "centre", scene).surfaces == relaxed.surfaces
         assert message in capsys.readouterr().err
 
 
 def test_light_decides_which_white_looks_neutral():
-    assert cli_scene.white_point(ic.scenes.letters_at_depth()) == "E"
-    assert cli_scene.white_point(ic.scenes.macbeth_chart()) == "D65"
+    assert inputs.white_point(ic.scenes.letters_at_depth()) == "E"
+    assert inputs.white_point(ic.scenes.macbeth_chart()) == "D65"
     d65 = ic.Scene(background=ic.Spectrum.illuminant("D65", 10.0))
-    assert cli_scene.white_point(d65) == "D65"
+    assert inputs.white_point(d65) == "D65"
 
 
 def test_the_box_around_a_scene_holds_every_kind_of_shape():
@@ -286,20 +287,20 @@ def test_a_lamp_in_sight_does_not_decide_the_exposure_of_a_room():
     room, stars = ic.scenes.cornell_box(), ic.scenes.point_grid()
     lux = np.full((20, 20), 1.0)
     lux[0, :4] = 100.0
-    assert cli_scene.exposure_lux(room, lux) == pytest.approx(3.0)
+    assert inputs.exposure_lux(room, lux) == pytest.approx(3.0)
     # Lights alone, and things before the dark, are shown by their own brightness.
-    assert cli_scene.exposure_lux(stars, lux) == pytest.approx(100.0)
+    assert inputs.exposure_lux(stars, lux) == pytest.approx(100.0)
     lux[1:] = 0.0
     lux[0] = 50.0
-    assert cli_scene.exposure_lux(room, lux) == pytest.approx(50.0)
-    assert cli_scene.exposure_lux(room, 0.0 * lux) == 0.0
+    assert inputs.exposure_lux(room, lux) == pytest.approx(50.0)
+    assert inputs.exposure_lux(room, 0.0 * lux) == 0.0
 
 
 def test_an_eye_may_look_straight_down_with_minus_z_on_top():
     ball = ic.SceneObject(
         "ball", ic.Sphere((0, 0, -0.5), 0.1), ic.Diffuse(ic.Spectrum.constant(0.5))
     )
-    seen = cli_scene.placed(ic.Scene((ball,)), "0,2,0", "0,0,0").objects[0].shape
+    seen = inputs.placed(ic.Scene((ball,)), "0,2,0", "0,0,0").objects[0].shape
     np.testing.assert_allclose(seen.centre_m, (0, 0.5, -2), atol=1e-12)
 
 

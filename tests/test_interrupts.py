@@ -8,8 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import isetcl as ic
-from isetcl import cli_cones, cli_eye
-from isetcl.cli import app
+from isetcl.cli import app, cones, eye
 from isetcl.figures import Quality
 from isetcl.validation import SceneMethod
 from isetcl.validation.work_precision import scene_method
@@ -69,7 +68,7 @@ def test_half_an_image_is_not_worked_with(work, interrupted):
 def test_the_command_says_that_it_was_interrupted(
     command, words, interrupted, monkeypatch, tmp_path
 ):
-    monkeypatch.setattr(cli_eye, "_write_mtf", lambda *_: None)
+    monkeypatch.setattr(eye, "_write_mtf", lambda *_: None)
     found = CliRunner().invoke(app, [*command, "-o", str(tmp_path)])
     assert found.exit_code == 130
     assert words in found.stderr
@@ -83,7 +82,7 @@ def test_cones_go_on_with_the_image_so_far_and_say_so(monkeypatch, tmp_path):
         return image
 
     monkeypatch.setattr(RENDER, "render", interrupted)
-    monkeypatch.setattr(cli_cones, "_pictures", lambda *_: [])
+    monkeypatch.setattr(cones, "_pictures", lambda *_: [])
     command = ["cones", "uniform", "--fov", "0.05", "--size", "8", "--spp", "2", "--movie", "20"]
     found = CliRunner().invoke(app, [*command, "-o", str(tmp_path)])
     assert found.exit_code == 130

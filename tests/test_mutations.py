@@ -32,10 +32,10 @@ def test_verdicts(new, verdict):
     test = "tests/test_stats.py::test_levels_and_p_values_of_many_tests_are_inverses"
     old = "return -math.expm1(math.log1p(-alpha) / count) if alpha < 1.0 else 1.0"
     edit = mutations.Edit(
-        "validation/significance.py", old, old.replace("1.0 else 1.0", f"1.0 else {new}")
+        "validation/stats/significance.py", old, old.replace("1.0 else 1.0", f"1.0 else {new}")
     )
     if verdict == "caught":
-        edit = mutations.Edit("validation/significance.py", old, "return alpha")
+        edit = mutations.Edit("validation/stats/significance.py", old, "return alpha")
     made = mutations.Mutation("made up", "none", (edit,), (test,))
     assert mutations.attempt(made)[0] == verdict
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import isetcl as ic
-from isetcl.validation import occlusion_cells, occlusion_study
-from isetcl.validation.edge_scene import EdgeScene
+from isetcl.validation import occlusion_study
+from isetcl.validation.occlusion import cells
+from isetcl.validation.occlusion.edge_scene import EdgeScene
 
 NEAR_M, FAR_M = 0.5, 2.0
 # Between the planes, so that the near one is blurred twice as much: dD 1.0 and 0.5 dpt.
@@ -214,9 +215,7 @@ def test_table_figure_and_file_tell_the_same(figure_12, tmp_path):
 
 def test_the_noise_of_the_reference_is_no_error():
     wavelengths = np.array([550.0])
-    work = occlusion_cells.Work(
-        ("one",), wavelengths, (1.0, 1.0), navarro, False, 60, 2.5, 64, 0, None, 0.02
-    )
+    work = cells.Work(("one",), wavelengths, (1.0, 1.0), navarro, False, 60, 2.5, 64, 0, None, 0.02)
     rng = np.random.default_rng(3)
     error = 0.05
     noise = np.full((1, 20, 60), error**2)
@@ -248,13 +247,13 @@ GRID = {
 def test_a_study_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
     path = tmp_path / "cells.jsonl"
     worked = []
-    own = occlusion_cells.Work.cell
+    own = cells.Work.cell
 
     def counted(self, edge, place):
         worked.append(place)
         return own(self, edge, place)
 
-    monkeypatch.setattr(occlusion_cells.Work, "cell", counted)
+    monkeypatch.setattr(cells.Work, "cell", counted)
 
     def stop(text, fraction):
         if fraction > 0:
@@ -304,7 +303,7 @@ def test_a_study_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
     ],
 )
 def test_bad_input_is_refused_before_any_work(options, text, monkeypatch):
-    monkeypatch.setattr(occlusion_cells.Work, "cell", None)
+    monkeypatch.setattr(cells.Work, "cell", None)
     with pytest.raises(ic.InvalidInputError, match=text):
         occlusion_study(**{**GRID, "near_m": (0.5,), **options})
 

@@ -10,12 +10,8 @@ import isetcl as ic
 from isetcl.eye.visual_angle import retinal_scale
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
-from isetcl.validation import (
-    slanted_edge,
-    slanted_edge_find,
-    slanted_edge_mtf,
-    slanted_edge_spread,
-)
+from isetcl.validation import slanted_edge_mtf
+from isetcl.validation.transfer import edge_line, slanted_edge, spread
 
 SLOPE_QUARTER = math.degrees(math.atan(0.25))
 SLOPE_HALF = math.degrees(math.atan(0.5))
@@ -334,9 +330,9 @@ def test_the_modulus_of_noise_is_subtracted():
     900 draws know the mean to 0.033 of a standard error.
     """
     image, _ = edge_image("gaussian", 1.0, 6.0, (48, 48))
-    line = slanted_edge_find.find_edge(image)
-    upright = slanted_edge_find.turned(image, False)
-    found = slanted_edge_spread.fit_edge(upright, line, False)
+    line = edge_line.find_edge(image)
+    upright = edge_line.turned(image, False)
+    found = spread.fit_edge(upright, line, False)
     onto = found.transfer_map(np.array([0.0, 0.2]))
     values = upright[found.pixels]
     one = np.ones(1)

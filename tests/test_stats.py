@@ -11,8 +11,8 @@ from scipy import stats as scipy_stats
 import isetcl as ic
 from isetcl.render import sobol
 from isetcl.render.direct import DirectPipeline
-from isetcl.validation import arms, stats
-from isetcl.validation.stats import Replicates, Samples, image_test
+from isetcl.validation import stats
+from isetcl.validation.stats import Replicates, Samples, arms, image_test
 
 ROWS = 64
 EYE = peers_eye(4.0)

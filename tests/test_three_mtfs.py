@@ -14,7 +14,7 @@ from isetcl.eye.people.population import Population
 from isetcl.eye.people.virtual_eye import radial_mtf
 from isetcl.eye.waves.zernike import ZernikeFit
 from isetcl.validation import three_mtfs
-from isetcl.validation.population_band import population_band, published_band
+from isetcl.validation.transfer.population_band import population_band, published_band
 
 # Zemax: Navarro eye, stop 4 mm, object at infinity, without diffraction; at these cycles/mm.
 ZEMAX_CPMM = np.array([10.0, 20.0, 30.0, 50.0, 100.0])

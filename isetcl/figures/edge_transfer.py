@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from isetcl.eye.model import Eye
     from isetcl.figures.quality import Quality
-    from isetcl.validation.slanted_edge import SlantedEdgeMtf
+    from isetcl.validation.transfer.slanted_edge import SlantedEdgeMtf
 
 FAR_M = 1e6
 _FOCUS_CPD = 20.0
@@ -73,7 +73,7 @@ def edge_mtf(
     quality: Quality, eye: Eye, distance_m: float, diffraction: str, **options: Any
 ) -> SlantedEdgeMtf:
     """The MTF across a rendered slanted edge, up to `highest_cpd`."""
-    from isetcl.validation.slanted_edge import slanted_edge_mtf
+    from isetcl.validation.transfer.slanted_edge import slanted_edge_mtf
 
     pixels = quality.pick(120, 240)
     weights = options.pop("weights", None)

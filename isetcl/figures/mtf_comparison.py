@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from isetcl.eye.model import Eye
     from isetcl.figures.quality import Quality
-    from isetcl.validation.slanted_edge import SlantedEdgeMtf
+    from isetcl.validation.transfer.slanted_edge import SlantedEdgeMtf
 
 NUMBER = 3
 TITLE = "On-axis MTF of Navarro's eye"

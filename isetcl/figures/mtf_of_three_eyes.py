@@ -22,7 +22,7 @@ from isetcl.figures.result import FigureResult, Row, states
 if TYPE_CHECKING:
     from isetcl.eye.model import Eye
     from isetcl.figures.quality import Quality
-    from isetcl.validation.slanted_edge import SlantedEdgeMtf
+    from isetcl.validation.transfer.slanted_edge import SlantedEdgeMtf
 
 NUMBER = 5
 TITLE = "On-axis MTF of three schematic eyes"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from isetcl.eye.model import Eye
     from isetcl.figures.quality import Quality
     from isetcl.retina.image import RetinalImage
-    from isetcl.validation.occlusion import OcclusionError
+    from isetcl.validation.occlusion.error import OcclusionError
 
 NUMBER = 12
 TITLE = "Retinal images near an occluding boundary"
@@ -34,7 +34,7 @@ _FALLEN = 0.05  # of the largest difference: where the strip is said to end
 def draw(folder: Path, quality: Quality) -> FigureResult:
     """The sum of blurred planes, the ray-traced image, and their difference."""
     from isetcl import psf_baseline
-    from isetcl.validation.occlusion import occlusion_error
+    from isetcl.validation.occlusion.error import occlusion_error
 
     scene = targets.two_planes(NEAR_M, FAR_M, edge_angle_deg=_EDGE_ANGLE_DEG)
     eye = catalog.navarro(_PUPIL_MM, 1.0 / NEAR_M)

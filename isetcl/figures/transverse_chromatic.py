@@ -149,7 +149,7 @@ def _line_places(image: RetinalImage) -> np.ndarray:
     In the upper third of the image, free of the horizontal line and its blur; without that of the
     reference wavelength.
     """
-    from isetcl.validation.measured_tca import measured_tca
+    from isetcl.validation.transfer.measured_tca import measured_tca
 
     rows, columns = image.irradiance.shape[1:]
     found = measured_tca(image, region=(0, rows // 3, 0, columns))

@@ -3,16 +3,16 @@
 from isetcl.retina.depth_edges import occlusion_strip
 from isetcl.validation import stability, stats
 from isetcl.validation.comparison import Comparison, Trial, compare
-from isetcl.validation.measured_tca import MeasuredTca, measured_tca
-from isetcl.validation.occlusion import (
+from isetcl.validation.occlusion.error import (
     OcclusionError,
     RegionError,
     occlusion_error,
 )
-from isetcl.validation.occlusion_study import OcclusionStudy, occlusion_study
-from isetcl.validation.slanted_edge import slanted_edge_mtf
-from isetcl.validation.slanted_edge_result import Edge, SlantedEdgeMtf
-from isetcl.validation.three_mtfs import ThreeMtfs, three_mtfs
+from isetcl.validation.occlusion.study import OcclusionStudy, occlusion_study
+from isetcl.validation.transfer.measured_tca import MeasuredTca, measured_tca
+from isetcl.validation.transfer.result import Edge, SlantedEdgeMtf
+from isetcl.validation.transfer.slanted_edge import slanted_edge_mtf
+from isetcl.validation.transfer.three_mtfs import ThreeMtfs, three_mtfs
 from isetcl.validation.work_precision import (
     NoisyTimingError,
     Reference,

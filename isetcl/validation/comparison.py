@@ -24,7 +24,7 @@ from isetcl.render.progress import Progress
 from isetcl.render.render import render
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
-from isetcl.validation.occlusion import OcclusionError, occlusion_error
+from isetcl.validation.occlusion.error import OcclusionError, occlusion_error
 
 DEFAULT_SAMPLES = (4, 16, 64, 256)
 REFERENCE_SEED_OFFSET = 1_000_003

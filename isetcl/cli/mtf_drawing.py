@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from isetcl import cli_scene
+from isetcl.cli import inputs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from isetcl.eye.model import Eye
     from isetcl.eye.people.population import Population
-    from isetcl.validation.population_band import PopulationBand
-    from isetcl.validation.three_mtfs import ThreeMtfs
+    from isetcl.validation.transfer.population_band import PopulationBand
+    from isetcl.validation.transfer.three_mtfs import ThreeMtfs
 
 _LEAST_STEP_NM = 20.0
 
@@ -37,8 +37,8 @@ def three_ways(
     from matplotlib.figure import Figure
 
     from isetcl.eye.aberrations.mtf_table import PHOTOPIC_RANGE_NM
-    from isetcl.validation.slanted_edge_plot import draw_with_people
-    from isetcl.validation.three_mtfs import three_mtfs
+    from isetcl.validation.transfer.pictures import draw_with_people
+    from isetcl.validation.transfer.three_mtfs import three_mtfs
 
     field, distance, highest, step, spp = view
     low, high = eye.wavelength_range_nm()
@@ -66,12 +66,12 @@ def three_ways(
 
 
 def _band(found: ThreeMtfs, pupil_mm: float, people: Population | None) -> PopulationBand | None:
-    from isetcl.validation.population_band import population_band, published_band
+    from isetcl.validation.transfer.population_band import population_band, published_band
 
     if people is None:
         band = published_band(pupil_mm)
         if band is None:
-            cli_scene.note("percentiles of people are known for 3 and 4 mm; use --population FILE")
+            inputs.note("percentiles of people are known for 3 and 4 mm; use --population FILE")
         return band
     frequency = np.linspace(0.0, found.frequency_cpd[-1], 13)
     return population_band(people, frequency, pupil_mm)

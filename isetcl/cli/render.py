@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from isetcl import cli_scene
-from isetcl.cli_interrupt import end_interrupted
+from isetcl.cli import inputs
+from isetcl.cli.interrupt import end_interrupted
 from isetcl.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ DEFAULT_TIME_S = 60.0
 
 _SCENE_HELP = (
     "A file (.pbrt, .glb, .gltf, .obj, .ply, .stl, ...) or the name of a target: "
-    f"{', '.join(cli_scene.TARGETS)}."
+    f"{', '.join(inputs.TARGETS)}."
 )
 _FOCUS_HELP = (
     "Dioptres ('2'), a distance ('0.5m'), 'relaxed', or 'centre': what stands in the middle of the "
@@ -114,18 +114,18 @@ def render(
     try:
         with as_notes():
             goal = goal_of(spp, error, time)
-            focus, columns_and_rows = cli_scene.vergence(accommodation), cli_scene.pixels(size)
-            loaded = cli_scene.read_scene(scene, allow_outside=allow_outside)
-            seen = cli_scene.lit(cli_scene.placed(loaded, eye_at, look_at), sky)
+            focus, columns_and_rows = inputs.vergence(accommodation), inputs.pixels(size)
+            loaded = inputs.read_scene(scene, allow_outside=allow_outside)
+            seen = inputs.lit(inputs.placed(loaded, eye_at, look_at), sky)
             view = {
-                "fov_deg": cli_scene.field_of_view(scene, seen, fov),
+                "fov_deg": inputs.field_of_view(scene, seen, fov),
                 "resolution": columns_and_rows,
                 "max_bounces": max_bounces,
                 "diffraction": diffraction,
                 "scatter": None if scatter is None else ScatterModel(scatter),
                 "device": device,
             }
-            model = cli_scene.accommodated(eye, pupil, focus, seen)
+            model = inputs.accommodated(eye, pupil, focus, seen)
             if explain:
                 _explain(seen, model, view)
                 return
@@ -183,8 +183,8 @@ def _write(image: RetinalImage, scene: Scene, folder: Path, *, layers: bool) -> 
     from isetcl.report import png
 
     written = [image.save(folder / "retina.nc")]
-    white = cli_scene.exposure_lux(scene, image.illuminance_lux.values)
-    pixels = image.to_srgb(white or None, cli_scene.white_point(scene))
+    white = inputs.exposure_lux(scene, image.illuminance_lux.values)
+    pixels = image.to_srgb(white or None, inputs.white_point(scene))
     written.append(write_file(folder / "retina.png", png(pixels)))
     if layers:
         names = [item.name for item in scene.objects]
@@ -206,9 +206,9 @@ def _report(image: RetinalImage, seen: Scene, loaded: Scene, written: list[Path]
 
     details = image.provenance
     if seen.objects and not is_in_view(seen, details["grid"]["fov_deg"]):
-        cli_scene.note(f"no object is in sight: {cli_scene.where(loaded)}")
+        inputs.note(f"no object is in sight: {inputs.where(loaded)}")
     elif seen.objects and not image.irradiance.values.any():
-        cli_scene.note(f"does the eye stand inside an object? {cli_scene.where(loaded)}")
+        inputs.note(f"does the eye stand inside an object? {inputs.where(loaded)}")
     names = ", ".join(path.name for path in written)
     print(
         f"{details['elapsed_s']:.1f} s on {details['device']}; error "
@@ -222,5 +222,5 @@ def _report(image: RetinalImage, seen: Scene, loaded: Scene, written: list[Path]
 def as_notes() -> Iterator[None]:
     """Warnings as lines for a reader of the terminal, without places in the code."""
     with warnings.catch_warnings():
-        warnings.showwarning = lambda message, *_, **__: cli_scene.note(str(message))
+        warnings.showwarning = lambda message, *_, **__: inputs.note(str(message))
         yield

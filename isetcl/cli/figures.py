@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from isetcl.cli_interrupt import end_interrupted
+from isetcl.cli.interrupt import end_interrupted
 
 if TYPE_CHECKING:
     from rich.table import Table

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from isetcl import cli_scene
-from isetcl.cli_interrupt import end_interrupted
+from isetcl.cli import inputs
+from isetcl.cli.interrupt import end_interrupted
 from isetcl.errors import InvalidInputError, check_count, check_positive
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def eye(
     """Print the prescription of an eye and what it does to light, and draw all of it."""
     from rich.console import Console
 
-    from isetcl import cli_tables
+    from isetcl.cli import tables
     from isetcl.eye.aberrations.summary import summarise
 
     fields = _numbers("--field", field, "0,5,10")
@@ -64,7 +64,7 @@ def eye(
         _check_folder(output)
     summary = summarise(model, fields, wavelength, object_distance_m=object_distance)
     console = Console()
-    for table in cli_tables.eye_tables(model, summary):
+    for table in tables.eye_tables(model, summary):
         console.print(table)
     if pictures:
         record = {"command": _command(), **summary.as_dict(), "eye": model.describe()}
@@ -108,7 +108,7 @@ def mtf(
     """Print the MTF of an eye: one wavelength and photopic light, with and without diffraction."""
     from rich.console import Console
 
-    from isetcl import cli_tables
+    from isetcl.cli import tables
     from isetcl.eye.aberrations.mtf_table import mtf_table
 
     frequencies = _numbers("--frequency", frequency, "5,10,20,30,60")
@@ -130,17 +130,17 @@ def mtf(
     except KeyboardInterrupt:
         end_interrupted(" before there was an MTF")
     for column, reason in found.refused.items():
-        cli_scene.note(f"no {column}: {reason}")
-    Console().print(cli_tables.mtf(found.at(frequencies)))
+        inputs.note(f"no {column}: {reason}")
+    Console().print(tables.mtf(found.at(frequencies)))
     if folder is not None:
         _write_mtf(found, frequencies, model, folder, options)
         print(f"mtf.csv, mtf.json, mtf.png in {folder}/")
     if plot and folder is not None:
-        from isetcl import cli_mtf
+        from isetcl.cli import mtf_drawing
 
         view = (field, object_distance, max(60.0, *frequencies), step, spp)
         try:
-            picture, rows, summary = cli_mtf.three_ways(model, view, people)
+            picture, rows, summary = mtf_drawing.three_ways(model, view, people)
         except KeyboardInterrupt:
             end_interrupted(" before the edge was measured")
         _save(picture, folder / "three_mtfs.png", 110)
@@ -155,7 +155,7 @@ def _model(
     from isetcl.eye import catalog
     from isetcl.eye.files.load import load_eye
 
-    focus = cli_scene.vergence(accommodation)
+    focus = inputs.vergence(accommodation)
     if focus == "centre":
         raise InvalidInputError(
             "--accommodation must be dioptres (2), a distance (0.5m) or 'relaxed', got 'centre'"
@@ -228,7 +228,7 @@ def _draw_all(
         figure = Figure(figsize=overview.size_in(picture), layout="constrained")
         refused = overview.draw_or_say(picture, figure)
         if refused is not None:
-            cli_scene.note(f"not drawn: {refused}")
+            inputs.note(f"not drawn: {refused}")
         _save(figure, folder / f"{picture}.png", 120)
     page = Figure(figsize=PAGE_IN, layout="constrained")
     overview.page(page)

@@ -30,8 +30,8 @@ from isetcl.eye.waves.wavefront import Wavefront
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import check_wavelengths, luminous_efficiency
 from isetcl.units import ARCMIN_PER_DEG, NM_PER_MM
-from isetcl.validation.slanted_edge import slanted_edge_mtf
-from isetcl.validation.slanted_edge_result import SlantedEdgeMtf
+from isetcl.validation.transfer.result import SlantedEdgeMtf
+from isetcl.validation.transfer.slanted_edge import slanted_edge_mtf
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,7 +109,7 @@ class ThreeMtfs:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the three curves, the edge's with its standard error; returns the axes."""
-        from isetcl.validation.slanted_edge_plot import draw_three_mtfs
+        from isetcl.validation.transfer.pictures import draw_three_mtfs
 
         return draw_three_mtfs(self, ax)
 

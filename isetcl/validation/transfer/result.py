@@ -136,6 +136,6 @@ class SlantedEdgeMtf:
 
     def plot(self, ax: Axes | None = None) -> Axes:
         """Draw the photopic transfer with its standard error, and the wavelengths pale."""
-        from isetcl.validation.slanted_edge_plot import draw_slanted_edge
+        from isetcl.validation.transfer.pictures import draw_slanted_edge
 
         return draw_slanted_edge(self, ax)

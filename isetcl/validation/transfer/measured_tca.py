@@ -10,9 +10,9 @@ from isetcl.errors import InvalidInputError, check_type
 from isetcl.eye.model import Eye
 from isetcl.retina.image import RetinalImage
 from isetcl.units import ARCMIN_PER_DEG
-from isetcl.validation.slanted_edge_find import turned
-from isetcl.validation.slanted_edge_scale import scale_of_image
-from isetcl.validation.slanted_edge_source import Region, check_region
+from isetcl.validation.transfer.edge_line import turned
+from isetcl.validation.transfer.pixel_scale import scale_of_image
+from isetcl.validation.transfer.source import Region, check_region
 
 _GAP = 0.05
 _LEAST_ROWS = 4

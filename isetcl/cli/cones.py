@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from isetcl import cli_scene
-from isetcl.cli_interrupt import end_interrupted
-from isetcl.cli_render import as_notes, goal_of
+from isetcl.cli import inputs
+from isetcl.cli.interrupt import end_interrupted
+from isetcl.cli.render import as_notes, goal_of
 from isetcl.errors import InvalidInputError, check_choice, check_count, check_finite, check_positive
 from isetcl.retina.image import RetinalImage
 
@@ -122,7 +122,7 @@ def cones(
         raise InvalidInputError(
             "--no-image needs a scene, and leaves no image for --movie, --mat, --lux and --size"
         )
-    focus = cli_scene.vergence(accommodation)
+    focus = inputs.vergence(accommodation)
     options = goal_of(spp, error, render_time) | {"seed": seed, "device": device}
     looking = {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
     try:
@@ -231,8 +231,8 @@ def _scene(
     source: str, eye: str, pupil: float, focus: float | str, allow_outside: bool
 ) -> tuple[Scene, Eye]:
     """What is looked at, and by which eye."""
-    seen = cli_scene.lit(cli_scene.read_scene(source, allow_outside=allow_outside), None)
-    return seen, cli_scene.accommodated(eye, pupil, focus, seen)
+    seen = inputs.lit(inputs.read_scene(source, allow_outside=allow_outside), None)
+    return seen, inputs.accommodated(eye, pupil, focus, seen)
 
 
 def _view(mosaic: ConeMosaic, reach_deg: float, size: int | None) -> dict[str, Any]:

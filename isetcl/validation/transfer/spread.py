@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import InvalidInputError
-from isetcl.validation.slanted_edge_find import EdgeLine
+from isetcl.validation.transfer.edge_line import EdgeLine
 
 OVERSAMPLING = (4, 3, 2)
 """Knots per pixel: the first for which every interval between knots holds a pixel."""

@@ -30,8 +30,8 @@ from isetcl.eye import catalog
 from isetcl.eye.model import Eye
 from isetcl.netcdf import save_dataset
 from isetcl.spectrum import check_wavelengths
-from isetcl.validation.edge_scene import EdgeScene
-from isetcl.validation.occlusion_cells import REGIONS, EyeMaker, Log, Work, key
+from isetcl.validation.occlusion.cells import REGIONS, EyeMaker, Log, Work, key
+from isetcl.validation.occlusion.edge_scene import EdgeScene
 
 if TYPE_CHECKING:
     import xarray
@@ -112,7 +112,7 @@ class OcclusionStudy:
 
     def plot(self, wavelength_nm: float | None = None) -> Figure:
         """Errors in and outside the strip by method, and profiles across the edge."""
-        from isetcl.validation.occlusion_picture import draw
+        from isetcl.validation.occlusion.picture import draw
 
         return draw(self, wavelength_nm)
 

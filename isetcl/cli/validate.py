@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
-from isetcl.cli_interrupt import end_interrupted
+from isetcl.cli.interrupt import end_interrupted
 from isetcl.errors import FileError, InvalidInputError, check_choice
 
 if TYPE_CHECKING:

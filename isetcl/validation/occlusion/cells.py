@@ -20,7 +20,7 @@ from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import Spectrum
 from isetcl.units import MM_PER_M
-from isetcl.validation.edge_scene import LUMINANCE_CD_M2, EdgeScene
+from isetcl.validation.occlusion.edge_scene import LUMINANCE_CD_M2, EdgeScene
 
 EyeMaker = Callable[[float, float], Eye]
 REGIONS = ("strip", "outside")

@@ -27,7 +27,7 @@ from isetcl.errors import (
     check_count,
     check_type,
 )
-from isetcl.validation.arms import (
+from isetcl.validation.stats.arms import (
     LEAST_HITS,
     AnyArm,
     Pair,
@@ -39,7 +39,7 @@ from isetcl.validation.arms import (
     pair_of,
     plan_blocks,
 )
-from isetcl.validation.significance import (
+from isetcl.validation.stats.significance import (
     TestResult,
     chi_square_p,
     density_test,

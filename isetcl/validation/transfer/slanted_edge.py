@@ -10,10 +10,10 @@ from isetcl.errors import InvalidInputError, check_choice
 from isetcl.eye.model import Eye
 from isetcl.eye.waves.otf import check_frequencies
 from isetcl.retina.image import RetinalImage
-from isetcl.validation.slanted_edge_find import find_edge, turned
-from isetcl.validation.slanted_edge_result import Edge, PixelChoice, SlantedEdgeMtf
-from isetcl.validation.slanted_edge_source import EdgeSource, check_not_clipped, source_of
-from isetcl.validation.slanted_edge_spread import EdgeFit, fit_edge
+from isetcl.validation.transfer.edge_line import find_edge, turned
+from isetcl.validation.transfer.result import Edge, PixelChoice, SlantedEdgeMtf
+from isetcl.validation.transfer.source import EdgeSource, check_not_clipped, source_of
+from isetcl.validation.transfer.spread import EdgeFit, fit_edge
 
 __all__ = ["Edge", "SlantedEdgeMtf", "slanted_edge_mtf"]
 
@@ -92,7 +92,7 @@ def slanted_edge_mtf(
     of the light beyond w degrees from the edge; take a field that is wide enough.
 
     Source: ISO 12233:2017, annex D; the fit of a spline in place of means over bins is our own, see
-    `isetcl.validation.slanted_edge_spread`.
+    `isetcl.validation.transfer.spread`.
     """
     check_choice("pixel", pixel, ("remove", "keep"))
     source = source_of(

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from isetcl.validation.occlusion_study import OcclusionStudy
+    from isetcl.validation.occlusion.study import OcclusionStudy
 
 _STRIP_COLOUR = "#f2c14e"
 _MOST_PROFILES = 5

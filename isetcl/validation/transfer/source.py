@@ -12,7 +12,7 @@ from isetcl.errors import InvalidInputError, check_array, check_type
 from isetcl.eye.model import Eye
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import check_wavelengths, photopic_weights
-from isetcl.validation.slanted_edge_scale import PixelScale, scale_of_image
+from isetcl.validation.transfer.pixel_scale import PixelScale, scale_of_image
 
 _CLIPPED_SHARE = 0.1
 

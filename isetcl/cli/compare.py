@@ -1,4 +1,4 @@
-"""The command line: `isetcl compare`, `render`, `cones`, `eye`, `mtf`, `validate` and others."""
+"""`isetcl compare`: two planes by ray tracing and by PSF methods, side by side."""
 
 from __future__ import annotations
 
@@ -9,32 +9,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from isetcl.cli_cones import cones
-from isetcl.cli_eye import eye as eye_command
-from isetcl.cli_eye import mtf
-from isetcl.cli_figures import figures
-from isetcl.cli_interrupt import end_interrupted
-from isetcl.cli_render import render
-from isetcl.cli_validate import validate
-from isetcl.errors import InvalidInputError, IsetclError
+from isetcl.cli.interrupt import end_interrupted
+from isetcl.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from isetcl.eye.model import Eye
     from isetcl.scene.model import Scene
 
-app = typer.Typer(
-    name="isetcl",
-    help="Retinal images by ray tracing through model eyes, and by PSF convolution.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
-
 PAPER_FOV_DEG = 2.0
 PHOTOGRAPH_FOV_DEG = 8.0
 
 
-@app.command()
 def compare(
     near_image: Annotated[
         Path | None, typer.Option(help="Photograph for the near plane (left half of the field).")
@@ -121,66 +106,6 @@ def compare(
     )
     if not comparison.is_complete:
         end_interrupted("; the report holds what was finished")
-
-
-app.command()(render)
-app.command()(cones)
-app.command()(eye_command)
-app.command()(mtf)
-app.command()(figures)
-app.add_typer(validate)
-
-
-@app.command()
-def devices(
-    double: Annotated[bool, typer.Option(help="Test double precision as well.")] = True,
-) -> None:
-    """List OpenCL devices with their self-test and the rays each traces in a second."""
-    from rich.console import Console
-    from rich.table import Table
-
-    from isetcl.device import selftest
-    from isetcl.device.choose import ENVIRONMENT_VARIABLE, find_device
-    from isetcl.device.devices import list_devices
-    from isetcl.device.layout import Precision
-
-    found = list_devices()
-    if not found:
-        find_device()
-    console = Console()
-    for device in found:
-        console.print(
-            f"{device.index} {device.name} ({device.platform} {device.driver}), kernels for "
-            f"{device.target or 'its own processor'}",
-            highlight=False,
-            soft_wrap=True,
-        )
-        table = Table("precision", "self-test", "million rays/s", "ray error (um)")
-        precisions: list[Precision] = ["single"]
-        if double and device.has_double:
-            precisions.append("double")
-        for precision in precisions:
-            result = selftest.run(device, precision)
-            verdict = "passed" if result.passed else "; ".join(result.failures)
-            speed = f"{result.rays_per_s / 1e6:.3g}"
-            table.add_row(precision, verdict, speed, f"{1000 * result.ray_error_mm:.1g}")
-        console.print(table)
-    console.print(f"Choose one with --device or {ENVIRONMENT_VARIABLE}.", highlight=False)
-
-
-@app.command()
-def info() -> None:
-    """Show versions of isetcl and what it stands on."""
-    from importlib.metadata import PackageNotFoundError, version
-
-    from rich.console import Console
-
-    console = Console()
-    for package in ("isetcl", "pyopencl", "pocl-binary-distribution", "numpy", "scipy", "xarray"):
-        try:
-            console.print(f"{package} {version(package)}", highlight=False)
-        except PackageNotFoundError:
-            console.print(f"{package} is not installed", highlight=False)
 
 
 def _field(fov: float | None, has_photographs: bool) -> float:
@@ -280,16 +205,3 @@ def _table(comparison: object) -> object:
     for row in table_rows(comparison):
         table.add_row(*row)
     return table
-
-
-def main() -> None:
-    """Run the command line; isetcl's own errors are printed without a traceback, exit status 2."""
-    try:
-        app()
-    except IsetclError as error:
-        print(f"isetcl: {error}", file=sys.stderr)
-        sys.exit(2)
-
-
-if __name__ == "__main__":
-    main()

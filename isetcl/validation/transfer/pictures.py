@@ -18,9 +18,9 @@ from isetcl.eye.pictures.picture_parts import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from isetcl.validation.population_band import PopulationBand
-    from isetcl.validation.slanted_edge_result import SlantedEdgeMtf
-    from isetcl.validation.three_mtfs import ThreeMtfs
+    from isetcl.validation.transfer.population_band import PopulationBand
+    from isetcl.validation.transfer.result import SlantedEdgeMtf
+    from isetcl.validation.transfer.three_mtfs import ThreeMtfs
 
 _WATSON_MM = (2.0, 6.0)
 _PEOPLE = "#d68910"

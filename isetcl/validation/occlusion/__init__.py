@@ -1,0 +1,1 @@
+"""What PSF methods get wrong where one object hides another."""
