@@ -14,6 +14,7 @@ from isetcl.validation.transfer.edge_line import find_edge, turned
 from isetcl.validation.transfer.result import Edge, PixelChoice, SlantedEdgeMtf
 from isetcl.validation.transfer.source import EdgeSource, check_not_clipped, source_of
 from isetcl.validation.transfer.spread import EdgeFit, fit_edge
+from isetcl.validation.transfer.tail import Beyond
 
 __all__ = ["Edge", "SlantedEdgeMtf", "slanted_edge_mtf"]
 
@@ -87,9 +88,13 @@ def slanted_edge_mtf(
     -----
     Where the transfer is smaller than about twice its standard error, noise still raises it.
 
-    Light that the edge spreads beyond the region is not seen: a share s of it raises the transfer
-    by about s. Diffraction by a round pupil with cut-off f_c (cycles/degree) spreads 0.13 / (f_c w)
-    of the light beyond w degrees from the edge; take a field that is wide enough.
+    Light that the edge spreads beyond the region is not seen; left out, a share s of it raises the
+    transfer by up to 1.8 s. Diffraction by a round pupil with cut-off f_c (cycles/degree) spreads
+    0.13 / (f_c w) of the light beyond w degrees from the edge. The share is found from how the edge
+    spread function approaches its levels in the outer part of the region, and put back; `beyond`
+    tells it. This takes it that out there the blur is that of a pupil's rim, whose line spread
+    falls as 1 / x^2, or nil, and that both sides are evenly lit. Where the share is larger than
+    0.035, or the outer part surely shows another fall, a warning names the width that is needed.
 
     Source: ISO 12233:2017, annex D; the fit of a spline in place of means over bins is our own, see
     `isetcl.validation.transfer.spread`.
@@ -148,6 +153,8 @@ def _measure(
         variance = _variance(found, values, error)
         results.append(_transfer(found, onto, values[found.pixels], variance, passed))
     whole = results[0]
+    beyond = _beyond(found, images[0][0], source.brightness_error)
+    beyond.warn(found.reach, source.name, stacklevel=4)
     _check_noise(found, frequency, *whole)
     spectral = results[1:] if len(results) > 1 else results
     frequency_in_unit = frequency * unit
@@ -165,6 +172,8 @@ def _measure(
         mtf50_cpd=mtf50 if per_deg is not None else math.nan,
         mtf50_standard_error_cpd=mtf50_error if per_deg is not None else math.nan,
         edge=_edge(found, images[0][0], place),
+        beyond=beyond.share,
+        beyond_standard_error=beyond.standard_error,
         distance_deg=distance / unit,
         edge_spread=spread,
         pixel=pixel,
@@ -206,6 +215,11 @@ def _variance(found: EdgeFit, values: np.ndarray, error: np.ndarray | None) -> n
     freedom = max(1.0 - found.basis.shape[1] / len(used), 0.1)
     right = found.distance > 0
     return np.where(right, np.mean(left[right] ** 2), np.mean(left[~right] ** 2)) / freedom
+
+
+def _beyond(found: EdgeFit, values: np.ndarray, error: np.ndarray | None) -> Beyond:
+    """Light beyond the region, of a turned image."""
+    return found.beyond(values[found.pixels], _variance(found, values, error))
 
 
 def _transfer(
@@ -268,7 +282,7 @@ def _profile(found: EdgeFit, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
     """The edge spread function at its knots, from 0 to 1, and their distances in pixels."""
     spread = found.spline(values[found.pixels])
     distance = np.linspace(-found.reach, found.reach, round(8 * found.reach) + 1)[1:-1]
-    low, high = found.sides(spread)
+    low, high = found.levels(spread)
     height = (spread(distance) - low) / (high - low)
     return distance, np.asarray(height)
 
@@ -277,7 +291,7 @@ def _edge(found: EdgeFit, image: np.ndarray, place: tuple[float, float]) -> Edge
     line = found.line
     values = image[found.pixels]
     spread = found.spline(values)
-    low, high = sorted(found.sides(spread))
+    low, high = sorted(found.levels(spread))
     along = math.degrees(math.atan(line.coefficients[1]))
     angle = -along if not line.is_turned else (along - 90.0 if along > 0 else along + 90.0)
     length = line.rows[1] - line.rows[0]
