@@ -368,6 +368,34 @@ def test_results_become_a_dataset_and_a_picture():
     assert found.at([found.mtf50_cpd])[0] == pytest.approx(0.5, abs=1e-6)
 
 
+def test_pixels_outside_the_region_may_be_anything():
+    image, mtf = edge_image("gaussian", 0.8, 7.0, (64, 64))
+    whole = slanted_edge_mtf(image, pitch_deg=1.0, region=(8, 64, 4, 64))
+    image[:8] = np.nan
+    hidden = np.ma.masked_invalid(image)
+    image[0, 0] = np.inf
+    for seen in (image, hidden):
+        part = slanted_edge_mtf(seen, pitch_deg=1.0, region=(8, 64, 4, 64))
+        np.testing.assert_array_equal(part.photopic_mtf, whole.photopic_mtf)
+        assert part.edge.position == whole.edge.position
+        with pytest.raises(ic.InvalidInputError, match="must be finite"):
+            slanted_edge_mtf(seen, pitch_deg=1.0)
+    np.testing.assert_allclose(whole.photopic_mtf, mtf(whole.frequency_cpp), atol=1e-3)
+
+
+@pytest.mark.parametrize("angle", [7.0, -82.0])
+def test_light_that_falls_off_along_the_edge_does_not_turn_it(angle):
+    """By 29 % from end to end, which tilts a line of steepest places by a quarter of a degree."""
+    image, mtf = edge_image("gaussian", 0.8, angle, (96, 96))
+    ramp = 1.0 + 0.003 * np.arange(96)
+    lit = (0.1 + image) * (ramp[:, None] if abs(angle) < 45.0 else ramp[None, :])
+    found = slanted_edge_mtf(lit, pitch_deg=1.0, standard_error=1e-3)
+    assert found.edge.angle_deg == pytest.approx(angle, abs=0.01)
+    np.testing.assert_allclose(found.photopic_mtf, mtf(found.frequency_cpp), atol=0.005)
+    # What the levels take up is no noise.
+    assert slanted_edge_mtf(lit, pitch_deg=1.0).photopic_standard_error[-1] < 0.005
+
+
 def _edge(angle=5.0, shape=(64, 64), sigma=1.0):
     return edge_image("gaussian", sigma, angle, shape)[0]
 
@@ -404,6 +432,9 @@ BAD = {
     "frequency": (_edge, {"frequency_cpd": [0.6]}, "half a cycle per pixel"),
     "weights": (_edge, {"weights": [1.0, 2.0]}, "weights must be 1 numbers"),
     "region": (_edge, {"region": (0, 80, 0, 64)}, "within 64 x 64 pixels"),
+    "part of a pixel": (_edge, {"region": (0.5, 64, 0, 64)}, "within 64 x 64 pixels"),
+    "no frequency": (_edge, {"frequency_cpd": []}, "must hold a frequency"),
+    "endless weight": (_edge, {"weights": [math.inf]}, "weights must be 1 numbers"),
     "error": (_edge, {"standard_error": np.ones(3)}, "shape of the image"),
     "wavelengths": (_edge, {"wavelengths_nm": [500.0, 600.0]}, "one per image"),
     "shape": (lambda: np.ones(5), {}, "got shape (5,)"),

@@ -131,6 +131,8 @@ def _measure(
         frequency = np.linspace(0.0, NYQUIST, _FREQUENCIES)
     else:
         frequency = check_frequencies(frequency_cpd) / unit
+        if len(frequency) == 0:
+            raise InvalidInputError("frequency_cpd must hold a frequency, got an empty list")
         if np.any(frequency > NYQUIST * (1.0 + 1e-9)):
             raise InvalidInputError(
                 f"frequency_cpd must be at most {NYQUIST * unit:.4g}, half a cycle per pixel, got "
@@ -150,8 +152,9 @@ def _measure(
         ]
     results = []
     for values, error in images:
-        variance = _variance(found, values, error)
-        results.append(_transfer(found, onto, values[found.pixels], variance, passed))
+        used = found.levelled(values[found.pixels])
+        variance = _variance(found, used, error)
+        results.append(_transfer(found, onto, used, variance, passed))
     whole = results[0]
     beyond = _beyond(found, images[0][0], source.brightness_error)
     beyond.warn(found.reach, source.name, stacklevel=4)
@@ -206,11 +209,10 @@ def _place(source: EdgeSource, found: EdgeFit) -> tuple[float, float]:
     return source.scale.place(row, column)
 
 
-def _variance(found: EdgeFit, values: np.ndarray, error: np.ndarray | None) -> np.ndarray:
+def _variance(found: EdgeFit, used: np.ndarray, error: np.ndarray | None) -> np.ndarray:
     """Variance of the pixels used, (n,): as told, or as they scatter on each side of the edge."""
     if error is not None:
         return np.square(turned(error, found.line.is_turned)[found.pixels], dtype=np.float64)
-    used = values[found.pixels]
     left = used - found.spline(used)(found.distance)
     freedom = max(1.0 - found.basis.shape[1] / len(used), 0.1)
     right = found.distance > 0
@@ -219,7 +221,8 @@ def _variance(found: EdgeFit, values: np.ndarray, error: np.ndarray | None) -> n
 
 def _beyond(found: EdgeFit, values: np.ndarray, error: np.ndarray | None) -> Beyond:
     """Light beyond the region, of a turned image."""
-    return found.beyond(values[found.pixels], _variance(found, values, error))
+    used = found.levelled(values[found.pixels])
+    return found.beyond(used, _variance(found, used, error))
 
 
 def _transfer(
@@ -280,7 +283,7 @@ def _half(frequency: np.ndarray, mtf: np.ndarray, error: np.ndarray) -> tuple[fl
 
 def _profile(found: EdgeFit, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The edge spread function at its knots, from 0 to 1, and their distances in pixels."""
-    spread = found.spline(values[found.pixels])
+    spread = found.spline(found.levelled(values[found.pixels]))
     distance = np.linspace(-found.reach, found.reach, round(8 * found.reach) + 1)[1:-1]
     low, high = found.levels(spread)
     height = (spread(distance) - low) / (high - low)
@@ -289,7 +292,7 @@ def _profile(found: EdgeFit, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def _edge(found: EdgeFit, image: np.ndarray, place: tuple[float, float]) -> Edge:
     line = found.line
-    values = image[found.pixels]
+    values = found.levelled(image[found.pixels])
     spread = found.spline(values)
     low, high = sorted(found.levels(spread))
     along = math.degrees(math.atan(line.coefficients[1]))

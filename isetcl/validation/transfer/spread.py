@@ -29,6 +29,7 @@ _FLAT_SHARE = 0.5
 _FINE = 4
 _LINE_ROUNDS = 6
 _SETTLED_PX = 1e-5
+_LEVEL_ROUNDS = 3
 _SIDE = (0.55, 0.98)
 _CORE = 0.9
 _PER_PIXEL = 16
@@ -117,6 +118,30 @@ class EdgeFit:
             tail.outer_map(self.knots, *part)
             for part in tail.outer_parts(self.reach, self.outer_start)
         ]
+
+    def levelled(self, values: np.ndarray) -> np.ndarray:
+        """Pixel values (n,) without what changes evenly along the edge on either of its sides.
+
+        A light that falls off along the edge would pass for a turn of its line, and for noise.
+        """
+        left = values - self.spline(values)(self.distance)
+        level = values
+        for _ in range(_LEVEL_ROUNDS):
+            sides = self.gradients(level)
+            level = values - sides @ np.linalg.lstsq(self.beside(sides), left, rcond=None)[0]
+        return level
+
+    def gradients(self, values: np.ndarray) -> np.ndarray:
+        """How brightness that rises along the edge on the left and on the right looks, (n, 2)."""
+        spread = self.spline(values)
+        low, high = self.sides(spread)
+        rise = (spread(self.distance) - low) / (high - low)
+        along = (self.pixels[0] - self.line.middle) / (self.line.rows[1] - self.line.rows[0])
+        return np.stack([along * (1.0 - rise), along * rise], axis=1)
+
+    def beside(self, columns: np.ndarray) -> np.ndarray:
+        """Pixel values (n, k) without what a function of the distance explains of them."""
+        return np.asarray(columns - self.basis @ self.solve(self.basis.T @ columns))
 
     def transfer_map(self, frequency: np.ndarray) -> np.ndarray:
         """What turns B^T values into the transform of the line spread function, (k, m), complex.
@@ -226,9 +251,9 @@ def _line_step(image: np.ndarray, found: EdgeFit, is_curved: bool) -> np.ndarray
     u = found.pixels[0] - line.middle
     terms = np.stack([u, u**2] if is_curved else [u], axis=1)
     # The spline takes what the same shift of all pixels at a distance would explain.
-    design = -slope[:, None] * line.cosine * terms
-    design = design - np.asarray(found.basis @ found.solve(found.basis.T @ design))
-    step = np.linalg.lstsq(design, left, rcond=None)[0]
+    turns = -slope[:, None] * line.cosine * terms
+    design = np.concatenate([turns, found.gradients(values)], axis=1)
+    step = np.linalg.lstsq(found.beside(design), left, rcond=None)[0]
     # Where a sharp step would leave the same light on the left: the centroid of the line spread.
     low, high = found.sides(spread)
     end = _SIDE[1] * found.reach

@@ -25,7 +25,7 @@ _PER_PIXEL = 16
 _CUBIC = 3
 _LARGEST_SHARE = 0.035
 _LARGEST_CHANGE = 0.005
-_SURE = 3.0
+_SURE = 4.0
 
 
 def window(place: np.ndarray, flat: float, reach: float) -> np.ndarray:
