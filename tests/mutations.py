@@ -240,6 +240,36 @@ MUTATIONS = (
         ),
         cases(8, 10, 11),
     ),
+    Mutation(
+        "tails of an edge left out",
+        "light that an edge spreads beyond the region is found, and not put back",
+        (
+            Edit(
+                "validation/transfer/spread.py",
+                "slopes += np.outer(tail.beyond(",
+                "slopes += 0.0 * np.outer(tail.beyond(",
+            ),
+        ),
+        (
+            "tests/test_slanted_edge.py::"
+            "test_the_transfer_of_a_known_edge_is_found[diffraction-0.5-9.46]",
+        ),
+    ),
+    Mutation(
+        "light along an edge believed",
+        "brightness that changes along an edge counts as a turn of its line",
+        (
+            Edit(
+                "validation/transfer/spread.py",
+                "design = np.concatenate([turns, found.gradients(values)], axis=1)",
+                "design = turns",
+            ),
+        ),
+        (
+            "tests/test_slanted_edge.py::"
+            "test_light_that_falls_off_along_the_edge_does_not_turn_it[7.0]",
+        ),
+    ),
 )
 
 
