@@ -13,6 +13,7 @@ which are unbiased; bias^2 may come out negative. All of them follow from the Gr
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -164,12 +165,16 @@ def _bias_interval(
     return bias2 - half, bias2 + half
 
 
+@functools.lru_cache(maxsize=8)
 def resampling(count: int, draws: int, seed: int) -> np.ndarray:
-    """Shares of each replicate in `draws` resamples, (draws, count)."""
+    """Shares of each replicate in `draws` resamples, (draws, count), not to be changed."""
     if count == 1:
-        return np.ones((draws, 1))
-    rng = np.random.default_rng(seed)
-    return rng.multinomial(count, np.full(count, 1.0 / count), size=draws) / count
+        shares = np.ones((draws, 1))
+    else:
+        rng = np.random.default_rng(seed)
+        shares = rng.multinomial(count, np.full(count, 1.0 / count), size=draws) / count
+    shares.setflags(write=False)
+    return shares
 
 
 def resampled_medians(values: list[float], shares: np.ndarray) -> np.ndarray:

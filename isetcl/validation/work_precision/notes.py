@@ -20,6 +20,7 @@ from isetcl.validation.work_precision.reference import Reference
 
 ENOUGH_REPLICATES = 16
 LEAST_MEASUREMENTS = 9
+_FEWEST = 5.0
 
 
 def notes_of(
@@ -47,6 +48,13 @@ def notes_of(
             f"the reference (standard error {100 * level:.2g} %) is noisier than the image of "
             f"{', '.join(noisy[:3])}{more}: those errors are what is left after subtracting it"
         )
+    swaying = [p.what for p, e in zip(points, errors, strict=True) if _freedoms(e) < _FEWEST]
+    if swaying:
+        more = f" and {len(swaying) - 3} more" if len(swaying) > 3 else ""
+        notes.append(
+            f"the error of {', '.join(swaying[:3])}{more} changes as a whole from seed to seed: "
+            "intervals of 95 % hold only about nine times in ten"
+        )
     if errors and errors[0].reference_variance == 0:
         notes.append(f"the reference ({reference.text}) is taken as exact")
     for point, own in zip(points, images, strict=True):
@@ -54,6 +62,15 @@ def notes_of(
         if same:
             notes.append(f"{point.what} gave the same image for every seed: it is not random")
     return notes
+
+
+def _freedoms(errors: Errors) -> float:
+    """Independent parts that an image's square error seems to have: of n, it varies by 2 / n."""
+    squares = np.diag(errors.gram)
+    spread = float(np.var(squares, ddof=1)) if len(squares) > 1 else 0.0
+    if not spread > 0:
+        return math.inf
+    return 2.0 * float(np.mean(squares)) ** 2 / spread
 
 
 def is_limited(errors: Errors) -> bool:

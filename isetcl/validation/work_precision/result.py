@@ -280,11 +280,26 @@ class WorkPrecision:
             raise FileError(f"cannot write {target}: {error.strerror}") from error
         return target
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Error against time, a curve for each method, with the targets; returns the axes."""
+    def plot(self, ax: Axes | None = None, error: str = "rmse") -> Axes:
+        """Error against time, a curve for each method, with the targets; returns the axes.
+
+        Parameters
+        ----------
+        ax
+            None makes a figure.
+        error
+            ``"rmse"``, ``"cone_noise"`` (in units of it), one kind by itself (``"monte_carlo"``,
+            ``"bias"``, ``"representation"``, ``"rounding"``, ``"discretisation"``), ``"budget"``,
+            ``"worst"`` or ``"largest"``.
+
+        Raises
+        ------
+        InvalidInputError
+            If there is no such error, or none is known.
+        """
         from isetcl.validation.work_precision.picture import draw
 
-        return draw(self, ax)
+        return draw(self, ax, error)
 
 
 def _knob(data: xarray.Dataset, i: int) -> str:
