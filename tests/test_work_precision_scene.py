@@ -1,4 +1,4 @@
-"""Error against run time of a real scene in small, and what has become worse since the last time."""
+"""Error against run time of a real scene in small, and what has become worse since."""
 
 import copy
 import json
