@@ -24,7 +24,9 @@ class Wrong(Planted):
     def __call__(self, knob, seed):
         super().__call__(knob, seed)
         signs = np.where(pattern() > 0, 1.0, -1.0)
-        return TRUTH + 0.3 * signs * np.sqrt(TRUTH / EXCITATIONS)
+        # Larger where it is darker: an error in units of the mean cone's noise would be another.
+        times = 0.3 * TRUTH**-0.5 / np.sqrt(MEAN_INVERSE)
+        return TRUTH + times * signs * np.sqrt(TRUTH / EXCITATIONS)
 
 
 @pytest.fixture(scope="module")
