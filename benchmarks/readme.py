@@ -158,11 +158,12 @@ def _range(values: list[float]) -> str:
 
 def machines() -> str:
     """Where the records were made: one machine in words, or the number of machines."""
-    found = {(m["processor"], m["processors"]) for m in (load(name)["machine"] for name in USED)}
+    told = [load(name)["machine"] for name in USED]
+    found = {(m["processor"], m["processors"], m["platform"]) for m in told}
     if len(found) > 1:
         return f"made on {len(found)} machines"
-    processor, count = found.pop()
-    return f"made on {count} processors ({processor}) without a GPU"
+    processor, count, platform = found.pop()
+    return f"made on {count} processors ({processor}, {platform})"
 
 
 def wrapped(text: str) -> str:

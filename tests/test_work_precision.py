@@ -76,6 +76,19 @@ def test_times_to_a_target_follow_from_the_laws(found):
     assert ratio == pytest.approx(100.0 / 200 ** (2 / 3), rel=0.06)
 
 
+def test_times_that_do_not_grow_cannot_be_extrapolated():
+    class Cached(Planted):
+        def __call__(self, knob, seed):
+            self.clock.now += 1.0 - 2e-3 * knob
+            return super().__call__(knob, seed)
+
+    data = study({"cached": Cached(), "biased": Cached(bias=0.02)}, targets=(0.001,)).dataset
+    # More samples would help the one, and nobody knows when; the other has its bias.
+    assert data["time_to_how"].values[:, 0].tolist() == ["unknown", "not reached"]
+    assert np.isnan(data["time_to_s"].values[0, 0])
+    assert np.isinf(data["time_to_s"].values[1, 0])
+
+
 def test_methods_are_compared_after_the_same_time(found):
     # After 0.064 s: 0.1 / 8 against 2 / 64^1.5.
     ratio, low, high = found.more_exact("stratified", "random", 0.064)

@@ -19,7 +19,7 @@ MEAN_INVERSE = 1.0 / np.sqrt(0.75)
 
 
 class Wrong(Planted):
-    """So many times the cones' noise off, in every pixel to a random side."""
+    """0.3 of the cones' noise off, root mean square, in every pixel to a random side."""
 
     def __call__(self, knob, seed):
         super().__call__(knob, seed)
@@ -39,7 +39,7 @@ def found():
     )
 
 
-def test_an_error_of_so_many_times_the_noise_of_every_cone_is_found(found):
+def test_an_error_of_so_many_times_the_noise_of_cones_is_found(found):
     own = found.of("wrong")
     for name in ("cone_noise", "cone_noise_low", "cone_noise_high"):
         assert own[name].values == pytest.approx([0.3] * 3, rel=1e-9)

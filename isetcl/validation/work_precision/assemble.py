@@ -24,14 +24,20 @@ from isetcl.validation.work_precision.estimators import (
 )
 from isetcl.validation.work_precision.method import PART_NAMES, WorkMethod
 from isetcl.validation.work_precision.result import WorkPrecision
-from isetcl.validation.work_precision.targets import Curve, TimeTo, ratio_of_times, time_to
+from isetcl.validation.work_precision.targets import (
+    UNKNOWN,
+    Curve,
+    TimeTo,
+    ratio_of_times,
+    time_to,
+)
 from isetcl.validation.work_precision.timing import LARGEST_SPREAD, ClockName, Times
 from isetcl.version import __version__
 
 if TYPE_CHECKING:
     import xarray
 
-WITHHELD, UNKNOWN = "withheld", "unknown"
+WITHHELD = "withheld"
 _TIME_COLUMNS = (
     *("time_s", "wall_median_s", "wall_least_s", "cpu_median_s", "cpu_least_s"),
     *("first_s", "build_s", "transfer_s", "spread", "efficiency"),

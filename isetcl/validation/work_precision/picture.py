@@ -76,7 +76,7 @@ def _draw(result: WorkPrecision, ax: Axes | None, error: str) -> Axes:
         ax.plot([], [], marker=marker, color=colour, label=str(name))
     _draw_lines(result, ax, error)
     if np.any(data["is_limited"].values | data["is_noisy"].values):
-        text = "hollow: uneven times, or below that noise"
+        text = "hollow: uneven times, or below\nthe noise of the reference"
         ax.plot([], [], "o", color="0.35", mfc="white", ms=6, label=text)
     ax.set_xscale("log")
     ax.set_yscale("log")

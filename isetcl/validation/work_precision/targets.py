@@ -10,7 +10,7 @@ import numpy as np
 from isetcl.validation.work_precision.estimators import percentiles, slope
 
 INTERPOLATED, EXTRAPOLATED = "interpolated", "extrapolated"
-AT_MOST, NOT_REACHED = "at most", "not reached"
+AT_MOST, NOT_REACHED, UNKNOWN = "at most", "not reached", "unknown"
 _LARGEST_FACTOR = 1e4
 _LEAST_SLOPE = -0.1
 _LAST_POINTS = 3
@@ -26,7 +26,8 @@ class TimeTo:
     seconds, low, high
         With its interval of 95 %; infinite where the error is not reached.
     how
-        "interpolated", "extrapolated", "at most" (the cheapest image is better) or "not reached".
+        "interpolated", "extrapolated", "at most" (the cheapest image is better), "not reached", or
+        "unknown" where times that do not grow with the knob cannot be extrapolated; then NaN.
     """
 
     seconds: float
@@ -69,7 +70,9 @@ def time_to(curve: Curve, target: float) -> tuple[TimeTo, np.ndarray]:
     found = float(_crossings(curve, curve.seconds[None], curve.error[None], target)[0])
     times = _crossings(curve, curve.second_draws, curve.draws, target)
     if not math.isfinite(found):
-        return TimeTo(found, found, found, NOT_REACHED), times
+        how = _why_not(curve, target)
+        found = math.inf if how == NOT_REACHED else math.nan
+        return TimeTo(found, found, found, how), times
     # Resamples that never get there are the far end of the interval.
     largest = math.log(np.finfo(np.float64).max)
     logs = np.minimum(np.log(times), largest)
@@ -108,6 +111,16 @@ def _how(curve: Curve, target: float) -> str:
     if below[0]:
         return AT_MOST
     return INTERPOLATED if np.any(below) else EXTRAPOLATED
+
+
+def _why_not(curve: Curve, target: float) -> str:
+    """Whether more samples do not help, or only the times do not tell what they would cost."""
+    last = slice(-_LAST_POINTS, None)
+    if len(curve.knob) < 2 or np.polyfit(curve.knob[last], curve.seconds[last], 1)[0] > 0:
+        return NOT_REACHED
+    # With times that grow as the knob does, only the error can be in the way.
+    reached = _beyond(curve, curve.knob[None].astype(float), curve.error[None], target)[0]
+    return UNKNOWN if math.isfinite(reached) else NOT_REACHED
 
 
 def _crossings(curve: Curve, seconds: np.ndarray, error: np.ndarray, target: float) -> np.ndarray:
