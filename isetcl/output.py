@@ -50,6 +50,8 @@ def replace_file(path: str | Path, write: Callable[[Path], None]) -> Path:
     try:
         write(temporary)
         os.replace(temporary, target)
+    except FileError:  # says already what is wrong
+        raise
     except OSError as error:
         raise FileError(
             f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"

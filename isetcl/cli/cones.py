@@ -49,6 +49,7 @@ _SIZE_HELP = (
 _NO_IMAGE_HELP = (
     "Trace rays to the cones alone, without an image: no --movie, --mat, --lux and --size."
 )
+_MP4_HELP = "Write the movie as MP4, not as GIF; needs the extra isetcl[movies] or ffmpeg."
 _MOVIE_HELP = "Also write a fixation as a movie: its length, ms."
 
 
@@ -83,9 +84,7 @@ def cones(
     ] = None,
     no_image: Annotated[bool, typer.Option("--no-image", help=_NO_IMAGE_HELP)] = False,
     movie: Annotated[float | None, typer.Option(metavar="MS", help=_MOVIE_HELP)] = None,
-    mp4: Annotated[
-        bool, typer.Option("--mp4", help="Write the movie as MP4 (needs ffmpeg), not as GIF.")
-    ] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help=_MP4_HELP)] = False,
     mat: Annotated[
         bool, typer.Option("--mat", help="Also write image and mosaic for ISETBio.")
     ] = False,
@@ -107,7 +106,7 @@ def cones(
     files for ISETBio and a movie of a fixation. Ctrl-C ends the render of a scene early and goes on
     with the image so far.
     """
-    from isetcl.cones.excitation_pictures import check_movie
+    from isetcl.cones.movies import check_movie
     from isetcl.output import check_folder
 
     if size is not None:
