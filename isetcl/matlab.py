@@ -48,7 +48,8 @@ def write_mat(path: str | Path, variables: dict[str, Any]) -> Path:
 def read_mat(path: str | Path) -> dict[str, Any]:
     """Variables of a MATLAB file, versions 5 to 7.3: dictionaries, arrays and text.
 
-    Arrays keep all their dimensions. What is neither number, text nor structure is left out.
+    Arrays keep all their dimensions and their class in MATLAB. What is neither number, text nor
+    structure is left out.
 
     Raises
     ------
@@ -59,11 +60,14 @@ def read_mat(path: str | Path) -> dict[str, Any]:
 
     check_type("path", path, (str, Path))
     file = Path(path)
+    if file.is_dir():
+        raise FileError(f"file {str(file)!r} is a folder; name the file in it")
     if not file.is_file():
         raise FileError(f"file {str(file)!r} does not exist")
     try:
         try:
-            found = scipy.io.loadmat(file, struct_as_record=True, squeeze_me=False)
+            # MATLAB stores doubles without fractions as integers; their class says what they are.
+            found = scipy.io.loadmat(file, struct_as_record=True, squeeze_me=False, mat_dtype=True)
         except NotImplementedError:
             return _read_hdf5(file)
         return {k: _plain(v) for k, v in found.items() if not k.startswith("__")}
@@ -103,7 +107,8 @@ def _plain(value: np.ndarray) -> Any:
     if value.dtype.kind in "US":
         return "\n".join(str(line) for line in value.ravel())
     if value.dtype == object:
-        return [_plain(np.asarray(each)) for each in value.ravel()]
+        # In place of a structure without fields scipy has None.
+        return [_plain(each) for each in value.ravel() if isinstance(each, np.ndarray)]
     return value
 
 

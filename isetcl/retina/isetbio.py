@@ -109,9 +109,8 @@ def from_isetbio(path: str | Path, eye: Eye) -> RetinalImage:
             f"file {str(path)!r} must hold a variable {VARIABLE!r}, got "
             f"{', '.join(sorted(found)) or 'none'}{remedy}"
         )
-    photons = numbers(path, record, "data", "photons")
     grid = photon_wavelengths(path, record, "spectrum", "wave")
-    photons = photon_cube(path, photons, len(grid))
+    photons = photon_cube(path, record, ("data", "photons"), len(grid))
     fov = numbers(path, record, "wAngular").ravel()
     if fov.size != 1 or not 0 < fov[0] < 180:
         raise FileError(f"file {str(path)!r}: wAngular must be between 0 and 180 deg, got {fov}")
