@@ -138,10 +138,14 @@ def test_a_scene_may_be_looked_at_without_an_image(isetcl, tmp_path):
     assert status == 0, err
     assert "error of the means" in out
     assert {p.name for p in (tmp_path / "o").iterdir()} == {
-        *("excitations.nc", "mosaic.nc", "excitations.png", "mosaic.png", "profile.png"),
+        *("excitations.nc", "mosaic.nc", "light.nc"),
+        *("excitations.png", "mosaic.png", "profile.png"),
     }
+    light = ic.IrradianceAtPlaces.load(tmp_path / "o" / "light.nc")
+    mosaic = ConeMosaic.load(tmp_path / "o" / "mosaic.nc")
     found = ic.cones.Excitations.load(tmp_path / "o" / "excitations.nc")
     assert found.standard_error.shape == found.mean.shape
+    np.testing.assert_array_equal(mosaic.excitations(light).mean.values, found.mean.values)
 
 
 def test_a_scene_that_is_missing_is_refused_before_there_is_a_folder(isetcl, tmp_path):

@@ -102,9 +102,9 @@ def cones(
 ) -> None:
     """Make a mosaic of cones, let it look at a scene or an image, and count its excitations.
 
-    Prints means by type, and writes excitations.nc, mosaic.nc, retina.nc, pictures and, on request,
-    files for ISETBio and a movie of a fixation. Ctrl-C ends the render of a scene early and goes on
-    with the image so far.
+    Prints means by type, and writes excitations.nc, mosaic.nc, retina.nc (with --no-image:
+    light.nc), pictures and, on request, files for ISETBio and a movie of a fixation. Ctrl-C ends
+    the render of a scene early and goes on with the image so far.
     """
     from isetcl.cones.movies import check_movie
     from isetcl.output import check_folder
@@ -295,6 +295,8 @@ def _write(
         if mat:
             written.append(light.to_isetbio(folder / "opticalimage.mat"))
             written.append(mosaic.to_isetbio(folder / "mosaic.mat"))
+    else:
+        written.append(light.save(folder / "light.nc"))
     return written + _pictures(found, mosaic, folder)
 
 
