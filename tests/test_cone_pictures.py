@@ -1,5 +1,6 @@
 """Pictures of excitations, and `isetcl cones` as a user meets it."""
 
+import struct
 import sys
 
 import numpy as np
@@ -8,11 +9,11 @@ from matplotlib.colors import to_rgb
 
 import isetcl as ic
 from isetcl import cli
-from isetcl.cones import ConeMosaic
-from isetcl.cones.excitation_pictures import line, plot_excitations, write_movie
+from isetcl.cones import ConeMosaic, movies
+from isetcl.cones.excitation_pictures import line, plot_excitations
 from isetcl.cones.pictures import COLOURS
 from isetcl.cones.receptors import ReceptorType
-from isetcl.errors import InvalidInputError
+from isetcl.errors import FileError, InvalidInputError
 
 pytestmark = pytest.mark.filterwarnings("ignore:pixels are up to")
 
@@ -74,16 +75,63 @@ def test_a_movie_has_a_frame_for_every_frame(seen, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.gif"]
 
 
-def test_movies_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
-    from matplotlib.animation import FFMpegWriter
+def boxes(data):
+    """Boxes of an ISO 14496-12 file by their names, and the order of the outermost."""
+    found, order = {}, []
+    while data:
+        size, name = struct.unpack(">I4s", data[:8])
+        found[name], data = data[8:size], data[size:]
+        order.append(name)
+    return found, order
 
-    monkeypatch.setattr(FFMpegWriter, "isAvailable", classmethod(lambda _: False))
-    with pytest.raises(InvalidInputError, match=r"ffmpeg, which is not installed; write 'a.gif'"):
-        write_movie(seen, tmp_path / "a.mp4")
+
+def movie_header(path):
+    """Movie's sample description and times, read by ISO 14496-12 and 14496-15 alone."""
+    outer, order = boxes(path.read_bytes())
+    media = boxes(boxes(boxes(outer[b"moov"])[0][b"trak"])[0][b"mdia"])[0]
+    table = boxes(boxes(media[b"minf"])[0][b"stbl"])[0]
+    scale, duration = struct.unpack(">II", media[b"mdhd"][12:20])
+    entry = boxes(table[b"stsd"][8:])[0][b"avc1"]
+    return {
+        "frames": struct.unpack(">I", table[b"stsz"][8:12])[0],
+        "seconds": duration / scale,
+        "size": struct.unpack(">HH", entry[24:28]),
+        "profile": boxes(entry[78:])[0][b"avcC"][1],
+        "order": [name for name in order if name in (b"moov", b"mdat")],
+    }
+
+
+@pytest.mark.slow
+def test_an_mp4_is_what_browsers_play(seen, tmp_path):
+    pytest.importorskip("imageio_ffmpeg")
+    path = seen.movie(tmp_path / "a.mp4", width_px=321, frames_per_s=10)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.mp4"]
+    header = movie_header(path)
+    # Baseline, Main and High are 8 bit of 4:2:0 (H.264, annex A.2); sizes must be even for that.
+    assert header.pop("profile") in (66, 77, 100)
+    assert header.pop("seconds") == pytest.approx(0.3)
+    assert header == {"frames": 3, "size": (320, 266), "order": [b"moov", b"mdat"]}
+
+
+def test_movies_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
+    monkeypatch.setattr(movies, "ffmpeg", lambda: None)
+    with pytest.raises(InvalidInputError, match=r'"isetcl\[movies\]", or write .a\.gif. instead'):
+        movies.write_movie(seen, tmp_path / "a.mp4")
     with pytest.raises(InvalidInputError, match=r"must end in \.gif or \.mp4"):
-        write_movie(seen, tmp_path / "a.avi")
+        movies.write_movie(seen, tmp_path / "a.avi")
     with pytest.raises(InvalidInputError, match="frame must be between 0 and 2"):
         seen.plot(frame=3)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_ffmpeg_complains_of_is_told(seen, tmp_path, monkeypatch):
+    program = tmp_path / "ffmpeg"
+    program.write_text("#!/bin/sh\necho 'Unknown encoder h264' >&2\nexit 1\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(movies, "ffmpeg", lambda: str(program))
+    with pytest.raises(FileError, match=r"could not write the movie: Unknown encoder h264; "):
+        movies.write_movie(seen, tmp_path / "a.mp4")
+    assert [p.name for p in tmp_path.iterdir()] == ["ffmpeg"]
 
 
 @pytest.fixture

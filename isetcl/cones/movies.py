@@ -117,11 +117,12 @@ def _write_frames(
                     time.set_text(f"{time_ms:.4g} ms")
                     writer.grab_frame()
         except (subprocess.CalledProcessError, BrokenPipeError) as error:
-            said = (getattr(error, "stderr", None) or b"").decode(errors="replace").strip()
+            said = getattr(error, "stderr", None) or ""
+            lines = (said if isinstance(said, str) else said.decode(errors="replace")).splitlines()
             raise FileError(
                 f"ffmpeg ({ffmpeg()}) could not write the movie: "
-                f"{said.splitlines()[-1][:200] if said else error}; free room on the disk, get "
-                'another ffmpeg with pip install "isetcl[movies]", or write a GIF'
+                f"{lines[-1][:200] if lines else error}; free room on the disk, get another ffmpeg "
+                'with pip install "isetcl[movies]", or write a GIF'
             ) from error
 
 
