@@ -1,5 +1,9 @@
 """Files of ISETBio: structure, units and photons, by scipy.io and h5py; and what is refused."""
 
+import os
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 import scipy.io
@@ -87,6 +91,36 @@ def test_all_photons_come_back(tmp_path, dtype):
         np.testing.assert_allclose(
             back.dataset[axis].values, image.dataset[axis].values, rtol=1e-6, atol=1e-9
         )
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(
+    shutil.which("octave-cli") is None or "ISETCAM" not in os.environ,
+    reason="needs GNU Octave, and the folder of ISETCam's code in ISETCAM",
+)
+def test_isetcam_itself_reads_the_file(written, tmp_path):
+    image, path = written
+    questions = {
+        "wave": (WAVES, 1e-15),
+        "size": ([12, 16], 0),
+        "hfov": (0.8, 1e-15),
+        "vfov": (0.6, 1e-5),
+        "mean illuminance": (image.illuminance_lux.values.mean(), 1e-6),
+        "sample spacing": (np.full(2, 5e-5 * EYE.field_map().axial_scale_mm_per_deg()), 1e-3),
+        "optics aperture diameter": (1e-3 * EYE.entrance_pupil().diameter_mm, 1e-9),
+        "photons": (
+            np.moveaxis(image.irradiance.values.astype(float), 0, -1) * WAVES * 1e-9 / PHOTON_J_M,
+            1e-6,
+        ),
+    }
+    lines = [f"addpath(genpath('{os.environ['ISETCAM']}')); load('{path}'); oi = opticalimage;"]
+    lines += [f"v{i} = oiGet(oi, '{name}');" for i, name in enumerate(questions)]
+    lines.append(f"save('-v7', '{tmp_path / 'said.mat'}')")
+    subprocess.run(["octave-cli", "-q", "--eval", " ".join(lines)], check=True, timeout=120)
+    said = scipy.io.loadmat(tmp_path / "said.mat")
+    for i, (expected, rtol) in enumerate(questions.values()):
+        found = said[f"v{i}"].reshape(np.shape(expected))
+        np.testing.assert_allclose(found, expected, rtol=rtol)
 
 
 def test_a_single_wavelength_comes_back(tmp_path):
@@ -189,65 +223,6 @@ def test_a_mosaic_with_rods_is_refused(tmp_path):
     mosaic = ConeMosaic.from_positions([[0.0, 0.0], [1.0, 0.0]], [0, 3], spacing_um=3.0)
     with pytest.raises(InvalidInputError, match="cones only"):
         mosaic.to_isetbio(tmp_path / "m.mat")
-
-
-def simple_scene(tmp_path, **changes):
-    photons = np.zeros((20, 40, 4))
-    photons[:10, :, 0] = 2e15
-    photons[10:, 20:, :] = [1e15, 2e15, 3e15, 4e15]
-    record = {
-        "photons": photons,
-        "wave": np.array([400.0, 500.0, 600.0, 700.0]),
-        "fov": 4.0,
-        "dist": 0.57,
-        "comment": "a test",
-        "illuminant": {"type": "illuminant"},
-    }
-    scipy.io.savemat(tmp_path / "scene.mat", record | changes)
-    return tmp_path / "scene.mat"
-
-
-def test_a_scene_file_is_a_picture_at_its_distance(tmp_path):
-    scene = ic.load_scene(simple_scene(tmp_path))
-    (picture,) = scene.objects
-    width = 2 * 0.57 * np.tan(np.radians(2.0))
-    assert scene.name == "a test"
-    assert picture.shape.corner_m == pytest.approx((-width / 2, -width / 4, -0.57))
-    assert picture.shape.edge_u_m == pytest.approx((width, 0, 0))
-    emission = picture.material
-    waves = np.array([400.0, 500.0, 600.0, 700.0])
-    spectra = np.stack([s.at(waves) for s in emission.spectra()])
-    seen = emission.texture.texels[[5, 15, 15]][[0, 1, 2], [5, 5, 30]] @ spectra
-    photons = np.array([[2e15, 0, 0, 0], [0, 0, 0, 0], [1e15, 2e15, 3e15, 4e15]])
-    np.testing.assert_allclose(seen, photons * PHOTON_J_M / (waves * 1e-9), rtol=3e-3, atol=1e-9)
-
-
-def test_a_scene_structure_is_read_too(tmp_path):
-    record = {
-        "name": "whole",
-        "data": {"photons": np.ones((4, 4, 2)) * 1e15},
-        "spectrum": {"wave": [500.0, 600.0]},
-        "wAngular": 10.0,
-        "distance": 1.2,
-    }
-    scipy.io.savemat(tmp_path / "b.mat", {"scene": record})
-    scene = ic.load_scene(tmp_path / "b.mat")
-    assert scene.name == "whole"
-    assert scene.objects[0].shape.corner_m[2] == pytest.approx(-1.2)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"fov": 0.0}, "fov must be between 0 and 180"),
-        ({"dist": -1.0}, "dist must be a number > 0"),
-        ({"wave": [400.0, 500.0, 600.0, 650.0]}, "equal steps"),
-        ({"wave": [400.0, 500.0]}, "shape"),
-    ],
-)
-def test_scenes_that_cannot_be_are_refused(tmp_path, changes, message):
-    with pytest.raises(FileError, match=message):
-        ic.load_scene(simple_scene(tmp_path, **changes))
 
 
 def test_an_optical_image_is_no_scene(tmp_path, written):
