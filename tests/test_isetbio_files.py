@@ -193,6 +193,26 @@ def test_files_that_are_none_are_refused(tmp_path):
             ic.load_scene(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("path", "error", "message"),
+    [
+        (".", InvalidInputError, r"must end in \.mat"),
+        ("image", InvalidInputError, r"must end in \.mat"),
+        ("taken.mat", FileError, "it is a folder"),
+        (None, InvalidInputError, "path must be a str or Path"),
+    ],
+)
+def test_names_that_no_file_can_have_are_refused(tmp_path, path, error, message):
+    (tmp_path / "taken.mat").mkdir()
+    with pytest.raises(error, match=message):
+        image_of((2, 2), fov_deg=0.1).to_isetbio(None if path is None else tmp_path / path)
+    with pytest.raises(FileError, match="is a folder"):
+        ic.RetinalImage.from_isetbio(tmp_path / "taken.mat", EYE)
+    with pytest.raises(FileError, match="is a folder"):
+        ic.RetinalImage.load(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["taken.mat"]
+
+
 def test_what_the_format_has_no_room_for_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("isetcl.matlab._MOST_BYTES", 1000)
     with pytest.raises(OutOfMemoryError, match="2 GiB a variable"):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from isetcl.cones.excitations import Excitations
-from isetcl.cones.pictures import COLOURS, MOST_DISCS
+from isetcl.cones.pictures import COLOURS, MOST_DISCS, axes_or_new
 from isetcl.cones.receptors import ReceptorType
 from isetcl.errors import (
     InvalidInputError,
@@ -53,13 +53,9 @@ def plot_excitations(
     most
         Excitations shown brightest; None is the largest of the frame. For one scale only.
     """
-    import matplotlib.pyplot as plt
-
     values = values_of(excitations, shown)[check_frame(excitations, frame)]
     check_choice("colour", colour, ("excitation", "type"))
-    if ax is not None and not hasattr(ax, "add_collection"):
-        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
-    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    axes = axes_or_new(ax)
     if colour == "type":
         drawn = add_receptors(axes, excitations)
         drawn.set_facecolor(_type_colours(excitations, values).tolist())
@@ -102,12 +98,10 @@ def plot_profile(
     frame, shown
         As in `plot_excitations`; noisy by default, with the means as fine dots.
     """
-    import matplotlib.pyplot as plt
-
     number = check_frame(excitations, frame)
     values = values_of(excitations, shown)[number]
     on_line = line(excitations, y_deg, width_deg)
-    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    axes = axes_or_new(ax)
     x = excitations.dataset["x_deg"].values
     mean = excitations.mean.values[number]
     for kind in ReceptorType:

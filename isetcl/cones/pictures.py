@@ -8,7 +8,7 @@ import numpy as np
 
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.receptors import ReceptorType
-from isetcl.errors import InvalidInputError, check_choice
+from isetcl.errors import InvalidInputError, check_choice, check_type
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -41,12 +41,9 @@ def plot_mosaic(
     legend
         Whether types and their numbers are named.
     """
-    import matplotlib.pyplot as plt
-
     check_choice("units", units, ("deg", "mm"))
-    if ax is not None and not hasattr(ax, "add_collection"):
-        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
-    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    check_type("legend", legend, bool)
+    axes = axes_or_new(ax)
     places = mosaic.positions_deg if units == "deg" else mosaic.positions_mm
     for kind in ReceptorType:
         own = mosaic.types == kind
@@ -74,6 +71,17 @@ def plot_mosaic(
             if handle is not None and hasattr(handle, "set_sizes"):
                 handle.set_sizes([40.0])
     return axes
+
+
+def axes_or_new(ax: Axes | None) -> Axes:
+    """The axes, or those of a new figure; raise InvalidInputError if they are none."""
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        return plt.subplots(layout="constrained")[1]
+    if not hasattr(ax, "add_collection"):
+        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
+    return ax
 
 
 def _add_discs(

@@ -44,6 +44,7 @@ def to_isetbio(image: RetinalImage, path: str | Path) -> Path:
         If the file cannot be written.
     """
     check_type("image", image, RetinalImage)
+    check_type("path", path, (str, Path))
     grid = check_even("the image", image.wavelengths_nm)
     values = image.irradiance.values
     columns, pitch_deg, pitch_m = _pixels(image)
