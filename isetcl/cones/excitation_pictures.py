@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from isetcl.cones.excitations import Excitations
-from isetcl.cones.pictures import COLOURS, MOST_DISCS, axes_or_new
-from isetcl.cones.receptors import ReceptorType
+from isetcl.cones.pictures import COLOURS, add_discs, axes_or_new, name_of, name_types
+from isetcl.cones.receptors import APERTURE_TO_SPACING, ReceptorType
 from isetcl.errors import (
     InvalidInputError,
     check_choice,
@@ -56,17 +56,13 @@ def plot_excitations(
     values = values_of(excitations, shown)[check_frame(excitations, frame)]
     check_choice("colour", colour, ("excitation", "type"))
     axes = axes_or_new(ax)
+    drawn = add_receptors(axes, excitations)
     if colour == "type":
-        drawn = add_receptors(axes, excitations)
         drawn.set_facecolor(_type_colours(excitations, values).tolist())
-        for kind in np.unique(excitations.types):
-            largest = values[excitations.types == kind].max()
-            name = ReceptorType(kind).name
-            label = f"{name}, up to {largest:.3g}"
-            axes.scatter([], [], s=40, c=COLOURS[ReceptorType(kind)], lw=0, label=label)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+        kinds = [ReceptorType(kind) for kind in np.unique(excitations.types)]
+        most_of = {kind: values[excitations.types == kind].max() for kind in kinds}
+        name_types(axes, {k: f"{name_of(k)}, up to {most_of[k]:.3g}" for k in kinds})
     else:
-        drawn = add_receptors(axes, excitations)
         drawn.set_array(values)
         drawn.set_cmap("gray")
         largest = float(values.max()) if most is None else check_positive("most", most)
@@ -179,40 +175,17 @@ def _type_colours(excitations: Excitations, values: np.ndarray) -> np.ndarray:
 def _diameters(excitations: Excitations) -> np.ndarray:
     if "aperture_deg" not in excitations.dataset.coords:
         raise InvalidInputError(
-            "these excitations do not tell the apertures; pass width_deg, or make them anew"
+            "these excitations do not tell the apertures; make them anew (a profile can do with "
+            "width_deg)"
         )
     return np.asarray(excitations.dataset["aperture_deg"].values)
 
 
 def add_receptors(axes: Axes, excitations: Excitations) -> Collection:
-    """Receptors without colours, on a dark ground; beyond 30 000 only their middles."""
-    from matplotlib.collections import EllipseCollection
-
+    """Receptors without colours, on a dark ground."""
     data = excitations.dataset
     places = np.stack([data["x_deg"].values, data["y_deg"].values], axis=1)
-    drawn: Collection
-    if len(places) > MOST_DISCS or "aperture_deg" not in data.coords:
-        size = float(np.clip(2e5 / len(places), 0.05, 20.0))
-        drawn = axes.scatter(places[:, 0], places[:, 1], s=size, lw=0)
-    else:
-        # As wide as the receptors are apart, so that the map has no gaps.
-        width = _diameters(excitations) / 0.79
-        drawn = EllipseCollection(
-            width,
-            width,
-            np.zeros(len(places)),
-            units="xy",
-            offsets=places,
-            offset_transform=axes.transData,
-            linewidth=0,
-        )
-        axes.add_collection(drawn)
+    # About as wide as the receptors are apart, so that the map has no gaps.
+    width = _diameters(excitations) / APERTURE_TO_SPACING
     axes.set_facecolor("0.1")
-    axes.set_aspect("equal")
-    low, high = places.min(axis=0), places.max(axis=0)
-    margin = 0.02 * float((high - low).max()) or 0.01
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    axes.set_xlabel("visual field, x (deg)")
-    axes.set_ylabel("visual field, y (deg)")
-    return drawn
+    return add_discs(axes, places, width, "visual field, {} (deg)")
