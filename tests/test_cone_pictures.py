@@ -54,6 +54,19 @@ def test_in_colours_of_types_the_most_excited_of_each_has_its_full_colour(seen):
         np.testing.assert_allclose(colours[brightest], to_rgb(COLOURS[ReceptorType(kind)]))
 
 
+def test_receptors_lie_in_one_layer_to_scale():
+    # Types in layers of their own would hide each other where receptors are smaller than pixels.
+    places = np.array([[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]])
+    mosaic = ConeMosaic.from_positions(places, [2, 0, 1, 3], spacing_um=[3.0, 4.0, 5.0, 2.0])
+    axes = mosaic.plot()
+    (discs,) = (c for c in axes.collections if len(c.get_offsets()))
+    expected = [to_rgb(COLOURS[ReceptorType(kind)]) for kind in mosaic.types]
+    np.testing.assert_allclose(discs.get_facecolor()[:, :3], expected)
+    np.testing.assert_allclose(discs.get_widths(), mosaic.aperture_deg)
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["L (1)", "M (1)", "S (1)", "rod (1)"]
+
+
 def test_a_profile_has_the_receptors_of_one_line(seen):
     chosen = line(seen, 0.03, 0.01)
     np.testing.assert_allclose(seen.dataset["y_deg"].values[chosen], 0.03, atol=1e-12)
@@ -216,6 +229,7 @@ def test_a_scene_that_is_missing_is_refused_before_there_is_a_folder(isetcl, tmp
         (["--age", "5"], "age"),
         (["--density", "curcio"], "did you mean curcio1990"),
         (["--movie", "0"], "--movie must be > 0"),
+        (["--mp4"], "ask for one with --movie"),
     ],
 )
 def test_bad_options_are_refused_before_any_work(isetcl, image, tmp_path, arguments, message):

@@ -49,7 +49,7 @@ _SIZE_HELP = (
 _NO_IMAGE_HELP = (
     "Trace rays to the cones alone, without an image: no --movie, --mat, --lux and --size."
 )
-_MP4_HELP = "Write the movie as MP4, not as GIF; needs the extra isetcl[movies] or ffmpeg."
+_MP4_HELP = "Write the movie as MP4, not as GIF; needs isetcl's extra 'movies' or ffmpeg."
 _MOVIE_HELP = "Also write a fixation as a movie: its length, ms."
 
 
@@ -102,8 +102,8 @@ def cones(
 ) -> None:
     """Make a mosaic of cones, let it look at a scene or an image, and count its excitations.
 
-    Prints means by type, and writes excitations.nc, mosaic.nc, retina.nc (with --no-image:
-    light.nc), pictures and, on request, files for ISETBio and a movie of a fixation. Ctrl-C ends
+    Prints means by type, and writes excitations.nc, mosaic.nc, retina.nc (light.nc where there is
+    no image), pictures and, on request, files for ISETBio and a movie of a fixation. Ctrl-C ends
     the render of a scene early and goes on with the image so far.
     """
     from isetcl.cones.movies import check_movie
@@ -113,6 +113,8 @@ def cones(
         check_count("--size", size, 2)
     wanted = _checked(fov, centre, density, time, dark, lux, age)
     movie_file = output / ("fixation.mp4" if mp4 else "fixation.gif")
+    if mp4 and movie is None:
+        raise InvalidInputError("--mp4 says how to write a movie; ask for one with --movie MS")
     if movie is not None:
         check_positive("--movie", movie, "ms")
         check_movie(movie_file)

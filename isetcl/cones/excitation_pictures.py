@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 Shown = Literal["mean", "counts"]
 Colour = Literal["excitation", "type"]
 
+GROUND = "#2b2f3a"
+"""Colour between receptors: no grey, so that it is not taken for excitations."""
+
 _DARKEST = 0.06  # of a type's colour: where nothing is excited the receptor is still seen
 _MARKERS = {ReceptorType.L: "o", ReceptorType.M: "^", ReceptorType.S: "s", ReceptorType.ROD: "."}
 
@@ -187,5 +190,5 @@ def add_receptors(axes: Axes, excitations: Excitations) -> Collection:
     places = np.stack([data["x_deg"].values, data["y_deg"].values], axis=1)
     # About as wide as the receptors are apart, so that the map has no gaps.
     width = _diameters(excitations) / APERTURE_TO_SPACING
-    axes.set_facecolor("0.1")
+    axes.set_facecolor(GROUND)
     return add_discs(axes, places, width, "visual field, {} (deg)")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from isetcl.cones.excitation_pictures import Shown, add_receptors, label_of, values_of
+from isetcl.cones.excitation_pictures import GROUND, Shown, add_receptors, label_of, values_of
 from isetcl.cones.excitations import Excitations
 from isetcl.errors import FileError, InvalidInputError, check_count, check_type
 from isetcl.output import replace_file
@@ -143,7 +143,7 @@ def _drawing(
     drawn.set_cmap("gray")
     drawn.set_clim(0.0, most or 1.0)
     if is_small:
-        ground = {"facecolor": "0.1", "edgecolor": "none", "pad": 1.0}
+        ground = {"facecolor": GROUND, "edgecolor": "none", "pad": 1.0}
         points = 72.0 * _LETTERS_PX / figure.dpi
         place: dict[str, Any] = {"transform": axes.transAxes, "fontsize": points, "bbox": ground}
         return figure, drawn, axes.text(0.02, 0.03, "", color="w", **place)

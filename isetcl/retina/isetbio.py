@@ -1,8 +1,10 @@
 """Retinal images as files of ISETBio and ISETCam, and back.
 
 Their optical image is flat: square pixels of one size on a plane behind a lens. isetcl's pixels are
-equal steps of visual angle. Width in degrees, pixels and the size of a pixel in the middle are kept
-in both directions; elsewhere the two differ by the tangent, 0.3 % at 5 degrees from the middle.
+equal steps of visual angle. Width in degrees and pixels are kept in both directions. A written file
+also keeps the size of a pixel in the middle; elsewhere the two differ by the tangent, 0.3 % at 5
+degrees from the middle. A file that is read keeps its photons by area and its angles: the size of a
+pixel in millimetres becomes that of the eye it is put into, whatever the focal length in the file.
 """
 
 from __future__ import annotations
