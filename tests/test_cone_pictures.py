@@ -13,7 +13,7 @@ from isetcl.cones import ConeMosaic, movies
 from isetcl.cones.excitation_pictures import line, plot_excitations
 from isetcl.cones.pictures import COLOURS
 from isetcl.cones.receptors import ReceptorType
-from isetcl.errors import FileError, InvalidInputError
+from isetcl.errors import FileError, InvalidInputError, OutOfMemoryError
 
 pytestmark = pytest.mark.filterwarnings("ignore:pixels are up to")
 
@@ -62,7 +62,7 @@ def test_receptors_lie_in_one_layer_to_scale():
     (discs,) = (c for c in axes.collections if len(c.get_offsets()))
     expected = [to_rgb(COLOURS[ReceptorType(kind)]) for kind in mosaic.types]
     np.testing.assert_allclose(discs.get_facecolor()[:, :3], expected)
-    np.testing.assert_allclose(discs.get_widths(), mosaic.aperture_deg)
+    np.testing.assert_allclose(2.0 * discs._widths, mosaic.aperture_deg)
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels == ["L (1)", "M (1)", "S (1)", "rod (1)"]
 
@@ -134,6 +134,9 @@ def test_movies_that_cannot_be_written_are_refused(seen, tmp_path, monkeypatch):
         movies.write_movie(seen, tmp_path / "a.avi")
     with pytest.raises(InvalidInputError, match="frame must be between 0 and 2"):
         seen.plot(frame=3)
+    monkeypatch.setattr("isetcl.memory.available_bytes", lambda: 10_000_000)
+    with pytest.raises(OutOfMemoryError, match=r"3 frames of 4000 pixels .*width_px = 912, fewer"):
+        seen.movie(tmp_path / "a.gif", width_px=4000)
     assert not list(tmp_path.iterdir())
 
 

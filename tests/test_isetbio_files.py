@@ -123,6 +123,32 @@ def test_isetcam_itself_reads_the_file(written, tmp_path):
         np.testing.assert_allclose(found, expected, rtol=rtol)
 
 
+def test_the_middle_of_an_image_is_noted_and_comes_back(tmp_path):
+    # cMosaic.compute lays images on the middle of the mosaic unless 'opticalImagePositionDegs'
+    # says otherwise, which is what the note is for.
+    values = np.random.default_rng(4).uniform(size=(2, 3, 4))
+    grid = ic.RetinalGrid.of(EYE, (0.8, 0.6), (4, 3), (5.0, -2.0))
+    image = ic.RetinalImage.from_arrays(grid, np.array([500.0, 600.0]), values)
+    path = image.to_isetbio(tmp_path / "a.mat")
+    record = scipy.io.loadmat(path)["opticalimage"][0, 0]
+    noted = record["metadata"][0, 0]["centreDeg"]
+    assert noted.shape == (1, 2)
+    np.testing.assert_allclose(noted, [[5.0, -2.0]])
+    back = ic.RetinalImage.from_isetbio(path, EYE)
+    for axis in ("x", "y", "x_mm", "y_mm"):
+        np.testing.assert_allclose(
+            back.dataset[axis].values, image.dataset[axis].values, rtol=1e-6, atol=1e-9
+        )
+    moved = ic.RetinalImage.from_isetbio(path, EYE, centre_deg=(1.0, 0.0))
+    assert moved.dataset["x"].values.mean() == pytest.approx(1.0)
+    scipy.io.savemat(tmp_path / "b.mat", optical_image(metadata=np.zeros((0, 0))))
+    theirs = ic.RetinalImage.from_isetbio(tmp_path / "b.mat", EYE)
+    assert theirs.dataset["x"].values.mean() == pytest.approx(0.0, abs=1e-12)
+    scipy.io.savemat(tmp_path / "c.mat", optical_image(metadata={"centreDeg": 3.0}))
+    with pytest.raises(FileError, match="must hold two numbers, got 1"):
+        ic.RetinalImage.from_isetbio(tmp_path / "c.mat", EYE)
+
+
 def test_a_single_wavelength_comes_back(tmp_path):
     image = image_of(waves=np.array([550.0]))
     back = ic.RetinalImage.from_isetbio(image.to_isetbio(tmp_path / "a.mat"), EYE)

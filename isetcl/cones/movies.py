@@ -12,6 +12,7 @@ import numpy as np
 from isetcl.cones.excitation_pictures import GROUND, Shown, add_receptors, label_of, values_of
 from isetcl.cones.excitations import Excitations
 from isetcl.errors import FileError, InvalidInputError, check_count, check_type
+from isetcl.memory import check_memory
 from isetcl.output import replace_file
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _MOST_FRAMES = 2000
 _LEAST_WITH_AXES_PX = 320  # in narrower movies the numbers of axes cannot be read
 _LETTERS_PX = 12
+_BYTES_PER_PIXEL = 4  # of a GIF, whose frames are all kept until it is written
 _FORMATS = (".gif", ".mp4")
 
 # H.264 with half the colour resolution is what browsers and players open; with its index in front
@@ -59,6 +61,8 @@ def write_movie(
         If there are more than 2000 frames, or the suffix is another, or MP4 without ffmpeg.
     FileError
         If the file cannot be written.
+    OutOfMemoryError
+        If a GIF would not fit into memory.
     """
     check_type("path", path, (str, Path))
     target = Path(path)
@@ -70,6 +74,12 @@ def write_movie(
         )
     speed = check_count("frames_per_s", frames_per_s, 1, 50)
     width = check_count("width_px", width_px, 100, 4000)
+    if target.suffix.lower() == ".gif":
+        check_memory(
+            f"a GIF of {len(values)} frames of {width} pixels",
+            _BYTES_PER_PIXEL * len(values) * width**2,
+            lambda side: f"take width_px = {int(width * side)}, fewer frames, or write an MP4",
+        )
     return replace_file(target, lambda file: _write_frames(excitations, values, file, speed, width))
 
 

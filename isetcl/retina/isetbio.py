@@ -20,7 +20,7 @@ from isetcl.errors import FileError, InvalidInputError, check_type
 from isetcl.eye.model import Eye
 from isetcl.matlab import numbers, read_mat, write_mat
 from isetcl.photons import check_even, photon_cube, photon_wavelengths, photons_per_joule
-from isetcl.retina.grid import RetinalGrid
+from isetcl.retina.grid import Centre, RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import photopic_weights
 from isetcl.units import MM_PER_M
@@ -37,6 +37,9 @@ def to_isetbio(image: RetinalImage, path: str | Path) -> Path:
     Photons s^-1 m^-2 nm^-1, row 1 at the top. The optics are those of the finished image: model
     ``'skip'``, so it must not be put through ``oiCompute`` again. A depth map is left out, because
     ISETBio would take its middle for the distance of the image plane.
+
+    ISETBio's ``cMosaic.compute`` puts the middle of an image on the middle of the mosaic. Where the
+    two differ, pass ``'opticalImagePositionDegs', opticalimage.metadata.centreDeg``.
 
     Raises
     ------
@@ -62,6 +65,7 @@ def to_isetbio(image: RetinalImage, path: str | Path) -> Path:
         "name": name,
         "metadata": {
             "program": "isetcl",
+            "centreDeg": np.array([_middle(image)]),
             "provenance": json.dumps(image.provenance),
         },
         "data": {
@@ -86,7 +90,7 @@ def to_isetbio(image: RetinalImage, path: str | Path) -> Path:
     return write_mat(path, {VARIABLE: record})
 
 
-def from_isetbio(path: str | Path, eye: Eye) -> RetinalImage:
+def from_isetbio(path: str | Path, eye: Eye, *, centre_deg: Centre | None = None) -> RetinalImage:
     """The optical image of a file of ISETBio or ISETCam, on the retina of an eye.
 
     Parameters
@@ -95,6 +99,9 @@ def from_isetbio(path: str | Path, eye: Eye) -> RetinalImage:
         A MATLAB file with a variable ``opticalimage``, version 5 to 7.3.
     eye
         Whose retina it lies on; the file knows none.
+    centre_deg
+        Where its middle lies, degrees right and up from the optical axis, or ``"fovea"``; None is
+        where the file of isetcl says, and the axis for files of others.
 
     Raises
     ------
@@ -119,15 +126,35 @@ def from_isetbio(path: str | Path, eye: Eye) -> RetinalImage:
         raise FileError(f"file {str(path)!r}: wAngular must be between 0 and 180 deg, got {fov}")
     rows, columns = photons.shape[:2]
     field = (float(fov[0]), float(fov[0]) * rows / columns)
+    centre = _centre(path, record) if centre_deg is None else centre_deg
     dtype = np.float32 if photons.dtype == np.float32 else np.float64
     irradiance = (photons / photons_per_joule(grid)).astype(dtype)
     details: dict[str, Any] = {"method": "file", "file": Path(path).name}
     return RetinalImage.from_arrays(
-        RetinalGrid.of(eye, field, (columns, rows)),
+        RetinalGrid.of(eye, field, (columns, rows), centre),
         grid,
         np.ascontiguousarray(np.moveaxis(irradiance, -1, 0)),
         provenance=details,
     )
+
+
+def _middle(image: RetinalImage) -> tuple[float, float]:
+    """Field angles of the middle, degrees."""
+    x, y = (image.dataset[name].values.astype(np.float64) for name in ("x", "y"))
+    return 0.5 * float(x[0] + x[-1]), 0.5 * float(y[0] + y[-1])
+
+
+def _centre(path: str | Path, record: dict[str, Any]) -> tuple[float, float]:
+    """The middle that `to_isetbio` noted, or the axis."""
+    noted = record.get("metadata")
+    if not isinstance(noted, dict) or "centreDeg" not in noted:
+        return 0.0, 0.0
+    found = numbers(path, noted, "centreDeg").ravel()
+    if found.size != 2:
+        raise FileError(
+            f"file {str(path)!r}: metadata.centreDeg must hold two numbers, got {found.size}"
+        )
+    return float(found[0]), float(found[1])
 
 
 def _pixels(image: RetinalImage) -> tuple[int, float, float]:
