@@ -265,6 +265,27 @@ def test_a_mosaic_has_the_fields_that_cmosaic_imports(tmp_path):
     assert np.all(np.diff(factors) < 0)
 
 
+def test_cones_look_where_they_do_in_the_image_that_goes_with_them(tmp_path):
+    # cMosaic.compute takes the image's micrometres for the cones': pixel (row, column) lies at
+    # (column - middle, middle - row) pitches. A ramp in both directions tells where a cone looks.
+    image = image_of((30, 40), fov_deg=(0.8, 0.6))
+    places = np.array([[0.0, 0.0], [0.3, 0.1], [-0.25, 0.2], [0.1, -0.28]])
+    mosaic = ConeMosaic.from_positions(places, [0, 1, 2, 0], spacing_um=3.0)
+    found = scipy.io.loadmat(mosaic.to_isetbio(tmp_path / "m.mat", image=image))
+    oi = scipy.io.loadmat(image.to_isetbio(tmp_path / "i.mat"))["opticalimage"][0, 0]
+    focal_um = 1e6 * oi["optics"][0, 0]["focalLength"].item()
+    pitch_um = 2.0 * focal_um * np.tan(np.radians(oi["wAngular"].item()) / 2) / 40
+    cones = found["coneData"][0, 0]
+    np.testing.assert_allclose(cones["positions"] / pitch_um, places / 0.02, atol=1e-6)
+    assert found["micronsPerDegree"].item() == pytest.approx(pitch_um / 0.02)
+    # Light is gathered on the true area; what blurs the image is as wide as it is in the image.
+    np.testing.assert_allclose(cones["lightGatheringApertureDiameters"].ravel(), 0.79 * 3.0)
+    expected = np.median(mosaic.aperture_deg) * pitch_um / 0.02
+    assert cones["blurApertureDiameterMicrons"].item() == pytest.approx(expected)
+    with pytest.raises(InvalidInputError, match="image must be a RetinalImage"):
+        mosaic.to_isetbio(tmp_path / "n.mat", image="i.mat")
+
+
 def test_a_mosaic_with_rods_is_refused(tmp_path):
     mosaic = ConeMosaic.from_positions([[0.0, 0.0], [1.0, 0.0]], [0, 3], spacing_um=3.0)
     with pytest.raises(InvalidInputError, match="cones only"):

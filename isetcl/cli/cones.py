@@ -296,7 +296,7 @@ def _write(
         written.append(light.save(folder / "retina.nc"))
         if mat:
             written.append(light.to_isetbio(folder / "opticalimage.mat"))
-            written.append(mosaic.to_isetbio(folder / "mosaic.mat"))
+            written.append(mosaic.to_isetbio(folder / "mosaic.mat", image=light))
     else:
         written.append(light.save(folder / "light.nc"))
     return written + _pictures(found, mosaic, folder)

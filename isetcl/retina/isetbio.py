@@ -52,7 +52,7 @@ def to_isetbio(image: RetinalImage, path: str | Path) -> Path:
     check_type("path", path, (str, Path))
     grid = check_even("the image", image.wavelengths_nm)
     values = image.irradiance.values
-    columns, pitch_deg, pitch_m = _pixels(image)
+    columns, pitch_deg, pitch_m = square_pixels(image)
     fov_deg = columns * pitch_deg
     focal_m = pitch_m * columns / (2.0 * math.tan(math.radians(fov_deg) / 2.0))
     photons = np.moveaxis(values, 0, -1) * photons_per_joule(grid).astype(values.dtype)
@@ -157,8 +157,14 @@ def _centre(path: str | Path, record: dict[str, Any]) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
-def _pixels(image: RetinalImage) -> tuple[int, float, float]:
-    """Columns, and the pitch of the middle in degrees and in metres."""
+def square_pixels(image: RetinalImage) -> tuple[int, float, float]:
+    """Columns, and the pitch of the middle in degrees and in metres.
+
+    Raises
+    ------
+    InvalidInputError
+        If the pixels are not square.
+    """
     rows, columns = image.irradiance.shape[1:]
     steps = []
     for name, count in (("x", columns), ("y", rows)):
