@@ -97,14 +97,16 @@ def check_movie(path: Path) -> None:
 
 def ffmpeg() -> str | None:
     """The program ffmpeg: that of the extra ``movies``, else an installed one; None without."""
+    import matplotlib as mpl
+
+    names = [mpl.rcParams["animation.ffmpeg_path"]]
     try:
         import imageio_ffmpeg
 
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
+        names.insert(0, imageio_ffmpeg.get_ffmpeg_exe())
     except (ImportError, RuntimeError):  # not installed; installed, but without its program
-        import matplotlib as mpl
-
-        return shutil.which(mpl.rcParams["animation.ffmpeg_path"])
+        pass
+    return next(filter(None, map(shutil.which, names)), None)
 
 
 def _write_frames(
