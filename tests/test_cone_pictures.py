@@ -185,6 +185,18 @@ def test_a_saved_image_becomes_excitations_and_pictures(isetcl, image, tmp_path)
     ]
 
 
+def test_an_image_that_isetbio_cannot_have_is_refused_before_any_work(isetcl, tmp_path):
+    grid = ic.RetinalGrid.of(EYE, (0.4, 0.3), (8, 8))
+    values = np.ones((3, 8, 8), np.float32)
+    ic.RetinalImage.from_arrays(grid, np.array([500.0, 550.0, 600.0]), values).save(
+        tmp_path / "a.nc"
+    )
+    status, _, err = isetcl("a.nc", "--fov", "0.1", "--mat", "-o", "o")
+    assert status == 2
+    assert "must have square pixels" in err
+    assert [p.name for p in tmp_path.iterdir()] == ["a.nc"]
+
+
 @pytest.mark.slow
 def test_a_scene_becomes_excitations_and_a_movie(isetcl, tmp_path):
     pytest.importorskip("isetcl.cones.eye_movements")

@@ -128,7 +128,7 @@ def cones(
     looking = {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
     try:
         with as_notes():
-            saved = _loaded(source, wanted) if is_image else None
+            saved = _loaded(source, wanted, mat=mat) if is_image else None
             seen = None if is_image else _scene(source, eye, pupil, focus, allow_outside)
             check_folder(output)
             mosaic = _mosaic(wanted, seed, device)
@@ -196,9 +196,16 @@ def _reach(wanted: dict[str, Any], movie: float | None) -> float:
     return float(half + (_MOST_GAZE_DEG if movie is not None else 0.0))
 
 
-def _loaded(source: str, wanted: dict[str, Any]) -> RetinalImage:
-    """A saved image; raises, before there is a mosaic, if it does not hold the mosaic's field."""
+def _loaded(source: str, wanted: dict[str, Any], *, mat: bool) -> RetinalImage:
+    """A saved image; raises, before there is a mosaic, if it does not hold the mosaic's field.
+
+    With `mat` also if ISETBio cannot have it.
+    """
     image = RetinalImage.load(source)
+    if mat:
+        from isetcl.retina.isetbio import check_image
+
+        check_image(image)
     left, right, bottom, top = image.extent_deg
     half = 0.5 * wanted["fov_deg"]
     (x, y), slack = wanted["centre_deg"], 1e-6

@@ -48,9 +48,8 @@ def to_isetbio(image: RetinalImage, path: str | Path) -> Path:
     FileError
         If the file cannot be written.
     """
-    check_type("image", image, RetinalImage)
     check_type("path", path, (str, Path))
-    grid = check_even("the image", image.wavelengths_nm)
+    grid = check_image(image)
     values = image.irradiance.values
     columns, pitch_deg, pitch_m = square_pixels(image)
     fov_deg = columns * pitch_deg
@@ -155,6 +154,13 @@ def _centre(path: str | Path, record: dict[str, Any]) -> tuple[float, float]:
             f"file {str(path)!r}: metadata.centreDeg must hold two numbers, got {found.size}"
         )
     return float(found[0]), float(found[1])
+
+
+def check_image(image: RetinalImage) -> np.ndarray:
+    """The wavelengths of an image; raise InvalidInputError if ISETBio cannot have it."""
+    check_type("image", image, RetinalImage)
+    square_pixels(image)
+    return check_even("the image", image.wavelengths_nm)
 
 
 def square_pixels(image: RetinalImage) -> tuple[int, float, float]:
