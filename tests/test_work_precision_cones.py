@@ -11,7 +11,7 @@ from isetcl.errors import InvalidInputError
 from isetcl.eye.people.macular_pigment import standard_lens_density
 from isetcl.retina.cone_noise import ConeNoise
 from isetcl.spectrum import luminous_efficiency
-from isetcl.validation import Reference, WorkMethod, work_precision
+from isetcl.validation import Reference, SceneMethod, WorkMethod, work_precision
 
 EXCITATIONS = 400.0
 # The mean of 1 / (1 + a sin x) is 1 / sqrt(1 - a^2).
@@ -140,6 +140,25 @@ def test_excitations_are_those_of_a_foveal_cone_in_the_stated_light(quantity, lu
     scale = 1.0 if lux is None else lux / reference.illuminance_lux.values.mean()
     means = scale * np.einsum("cw,wyx->cyx", cones.weights(WAVES), irradiance).reshape(3, -1)
     assert result.dataset["cone_noise"].values == pytest.approx([cones.error(means, 0.03 * means)])
+
+
+@pytest.mark.slow
+def test_renders_that_stop_at_a_part_of_the_cones_noise_have_that_error():
+    # The goal knows the noise from its own replicates and by type of cone, the study from an
+    # independent reference and by brightness. Of 8 replicates of 900 pixels each is known to 2 %.
+    scene, eye = ic.scenes.two_planes(), ic.eyes.navarro(4.0, 2.0)
+    where = {"fov_deg": 2.0, "resolution": 30, "wavelengths_nm": np.arange(400.0, 701.0, 60.0)}
+    image = ic.render(scene, eye, **where, bands=6, target_error=ConeNoise(0.2), progress=False)
+    told = image.provenance
+    size = told["samples_per_pixel"]
+    study = work_precision(
+        [SceneMethod(knobs=(size,), options={"bands": 6})],
+        scene=scene, eye=eye, **where, seed=5, replicates=8, illuminance_lux=None, least_s=0.0,
+        parts=False, allow_noise=True,
+    )  # fmt: skip
+    assert study.dataset["cone_noise"].item() == pytest.approx(
+        told["cone_noise"]["reached"], rel=0.1
+    )
 
 
 def test_images_without_a_spectrum_have_no_error_in_these_units():
