@@ -191,6 +191,14 @@ def test_a_reference_noisier_than_the_image_is_said():
     assert not any("noisier" in n for n in study({"random": Planted()}).notes)
 
 
+def test_errors_near_the_noise_of_the_reference_are_drawn_on_grey():
+    reference = Reference(TRUTH, 1e-3)
+    ax = study({"random": Planted()}, reference=reference).plot()
+    (span,) = [p for p in ax.patches if "ten times" in str(p.get_label())]
+    assert span.get_y() + span.get_height() == pytest.approx(1.0)
+    assert not study({"random": Planted()}).plot().patches
+
+
 def test_parts_of_the_error_are_told_apart():
     def shifted(size, noise=0.0):
         def run(knob, seed):
@@ -327,6 +335,29 @@ def test_mixed_grids_are_refused_with_both_printed():
             )
         assert "8 y from 0.875 to -0.875 deg, 8 x from -0.875 to 0.875 deg" in str(caught.value)
         assert "2 wavelength from 500 to 600 nm" in str(caught.value)
+
+
+def test_what_a_reference_shares_with_the_images_is_said():
+    image = retinal_image(8)
+    details = {"method": "ray tracing", "samples_per_pixel": 64, "seed": 99, "sampler": "sobol"}
+    details |= {"precision": "single"}
+    fake = FakeClock()
+
+    def run(knob, seed):
+        fake.now += 1.0
+        return image
+
+    def notes(**changed):
+        image.dataset.attrs["provenance"] = json.dumps(image.provenance | details | changed)
+        mine = WorkMethod("mine", run, (1.0,), is_random=False)
+        return work_precision([mine], reference=image, clock=fake.clock()).notes
+
+    said = "\n".join(notes())
+    assert "in single precision" in said
+    assert "Sobol' points of another seed" in said
+    said = "\n".join(notes(precision="double", sampler="random"))
+    assert "precision" not in said
+    assert "Sobol" not in said
 
 
 def test_a_reference_that_is_not_independent_is_refused():

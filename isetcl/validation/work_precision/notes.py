@@ -13,6 +13,7 @@ import numpy as np
 from isetcl.device.choose import find_device
 from isetcl.eye.model import Eye
 from isetcl.retina.cone_noise import ConeNoise
+from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
 from isetcl.validation.work_precision.estimators import Errors
 from isetcl.validation.work_precision.method import Point, WorkMethod
@@ -57,11 +58,26 @@ def notes_of(
         )
     if errors and errors[0].reference_variance == 0:
         notes.append(f"the reference ({reference.text}) is taken as exact")
+    notes += _dependence(reference)
     for point, own in zip(points, images, strict=True):
         same = len(own) > 1 and all(np.array_equal(own[0], other) for other in own[1:])
         if same:
             notes.append(f"{point.what} gave the same image for every seed: it is not random")
     return notes
+
+
+def _dependence(reference: Reference) -> list[str]:
+    """What a traced reference shares with the images it judges."""
+    image = reference.image
+    known = image.provenance if isinstance(image, RetinalImage) else {}
+    if known.get("method") != "ray tracing":
+        return []
+    shared = []
+    if known.get("precision") == "single":
+        shared.append("was traced in single precision: errors of rounding may cancel")
+    if known.get("sampler", "sobol") == "sobol":
+        shared.append("has Sobol' points of another seed: render it with sampler='random'")
+    return [f"the reference {text}" for text in shared]
 
 
 def _freedoms(errors: Errors) -> float:

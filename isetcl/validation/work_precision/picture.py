@@ -18,6 +18,7 @@ _MARKERS = "osD^vPX*hp<>"
 _FEWEST_DECADES = 0.3
 _FEW_DECADES = 3.0
 _CONE_NOISE = "cone_noise"
+_CLEAR = 10.0
 
 
 _LABELS = {
@@ -81,6 +82,8 @@ def _draw(result: WorkPrecision, ax: Axes | None, error: str) -> Axes:
     ax.set_xscale("log")
     ax.set_yscale("log")
     _widen(ax)
+    if error == "rmse":
+        _shade(result, ax)
     for axis in (ax.xaxis, ax.yaxis):
         few = np.ptp(np.log10(axis.get_view_interval())) < _FEW_DECADES
         axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,)))
@@ -131,6 +134,16 @@ def _draw_lines(result: WorkPrecision, ax: Axes, error: str) -> None:
     if known.size:
         label = "rounding, single precision"
         ax.axhline(100.0 * float(np.median(known)), color="0.55", ls="-.", lw=1.0, label=label)
+
+
+def _shade(result: WorkPrecision, ax: Axes) -> None:
+    """Grey where errors are what is left of much larger noise of the reference."""
+    low, high = ax.get_ylim()
+    limit = 100.0 * _CLEAR * float(result.dataset["reference_error"].max())
+    if limit > low:
+        label = "below ten times the noise\nof the reference"
+        ax.axhspan(low, min(limit, high), color="0.94", lw=0, zorder=0, label=label)
+        ax.set_ylim(low, high)
 
 
 def _widen(ax: Axes) -> None:
