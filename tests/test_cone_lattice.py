@@ -243,6 +243,12 @@ def test_peripheral_cones_keep_six_to_eight_micrometres_apart_however_few_they_a
     assert max(q.six_neighbour_fraction for q in found) < 0.48
 
 
+def test_no_two_peripheral_cones_are_nearer_than_they_can_be():
+    # Curcio & Sloan 1992: 6 to 8 um at the least, which is what inner segments measure there.
+    cells = VoronoiCells.of(ic.cones.mosaic(5.0, (-35.0, 0.0), seed=1))
+    assert 1e3 * cells.nearest_mm[cells.is_inside].min() > 6.0
+
+
 def test_a_lattice_is_as_disordered_as_it_is_asked_to_be_all_over():
     regular, irregular = (
         ic.cones.mosaic(0.8, (4.0, 0.0), disorder=d).quality(bands=1) for d in (0.05, 0.35)

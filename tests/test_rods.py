@@ -97,6 +97,16 @@ def test_rods_are_on_the_side_of_the_retina_that_was_counted():
     assert left(np.array([deg]), np.array([0.0]))[0] == pytest.approx(135.4e3)
 
 
+def test_a_field_has_the_rods_of_its_own_eye():
+    # 3.475 mm: 129 900 rods per mm^2 of the nasal retina, 135 400 of the temporal one.
+    deg = float(SCALE.eccentricity_deg(np.array([3.475]))[0])
+    counts = [
+        ic.cones.estimate_mosaic(0.1, (deg, 0.0), eye=eye, rods=True).n_rods
+        for eye in ("right", "left")
+    ]
+    assert counts[0] / counts[1] == pytest.approx(129.9 / 135.4, abs=0.005)
+
+
 def test_rods_are_as_many_as_wanted_and_stand_clear_of_the_cones(mixed):
     is_rod = mixed.types == ReceptorType.ROD
     area = 0.25 * float(SCALE.mm2_per_deg2(np.array(10.0)))
@@ -160,3 +170,15 @@ def test_rods_are_as_many_as_wanted_wherever_the_field_lies(centre):
     step = 0.01
     expected = np.trapezoid(np.trapezoid(per_deg2, dx=step), dx=step)
     assert mixed.counts["ROD"] == pytest.approx(expected, rel=0.04)
+
+
+@pytest.mark.slow
+def test_rods_near_their_free_zone_fit_into_the_gaps_between_cones():
+    # From 0.7 to 1.3 deg, where rods are farther apart than cones.
+    field = (0.6, 0.4), (1.0, 0.0)
+    counts = [ic.cones.mosaic(*field, rods=True, seed=s).counts["ROD"] for s in range(8)]
+    x, y = np.meshgrid(np.linspace(0.7, 1.3, 61), np.linspace(-0.2, 0.2, 41))
+    per_deg2 = wanted_rods(True, "right", SCALE)(x, y) * SCALE.mm2_per_deg2(np.hypot(x, y))
+    expected = np.trapezoid(np.trapezoid(per_deg2, dx=0.01), dx=0.01)
+    # 164 by the densities: counts that scattered as by chance would tell their mean to 3 %.
+    assert np.mean(counts) == pytest.approx(expected, rel=0.12)
