@@ -93,6 +93,16 @@ def test_song_counts_fewer_cones_than_curcio_near_the_fovea():
     assert song.per_mm2(np.array([[-0.18, 0.0]]))[0] == pytest.approx(68200)
 
 
+def test_a_field_may_reach_to_the_very_end_of_what_is_known():
+    # Song's data begin at 0.18 mm, which is 0.671 deg: this field's corner is 0.68 deg out.
+    assert len(ic.cones.mosaic(0.2, (0.78, 0.0), density="song2011")) > 100
+    density = ConeDensity.of("song2011", "right", SCALE)
+    angle = np.linspace(0.0, 2.0 * np.pi, 1001)
+    for end in density.range_mm:
+        places = end * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        assert np.all(np.isfinite(density.per_mm2(places)))
+
+
 def test_a_user_s_density_is_asked_in_degrees():
     density = ConeDensity.of(lambda x, y: 5000.0 + 100.0 * x + 10.0 * y, "right", SCALE)
     assert density.per_mm2(SCALE.to_mm(np.array([[3.0, -2.0]]))) == pytest.approx(5280.0)
@@ -288,6 +298,18 @@ def test_no_s_cone_lies_in_the_centre_and_a_tenth_are_s_outside(parafovea):
     assert abs(np.sum(parafovea.types == ReceptorType.M) - others / 3) <= 1
 
 
+def test_l_and_m_cones_lie_among_each_other_as_by_chance(parafovea):
+    cells = VoronoiCells.of(parafovea)
+    types = parafovea.types[cells.numbers][cells.pairs]
+    both = types[np.all(types != ReceptorType.S, axis=1)]
+    like = np.mean(both[:, 0] == both[:, 1])
+    # Neighbours are like with probability p^2 + q^2. Pairs share cones, but by chance their
+    # likeness is as good as independent: s.d. of the share sqrt(p q / pairs) and less.
+    share = np.mean(both == ReceptorType.M)
+    expected = share**2 + (1.0 - share) ** 2
+    assert abs(like - expected) < 4.0 * np.sqrt(expected * (1.0 - expected) / len(both))
+
+
 def test_s_cones_are_more_regular_than_chance(kernels):
     from scipy.spatial import cKDTree
 
@@ -391,13 +413,16 @@ def test_density_along_the_meridians_is_within_three_percent_of_curcio(axis):
         ({"density": lambda x, y: 1e4 / np.zeros_like(x)}, "got inf at"),
         ({"density": lambda x, y: np.nan * x}, "got nan at"),
         ({"density": lambda x: x}, "must be a function of arrays"),
+        ({"density": lambda x, y: 1 / 0}, "must be a function of arrays.*division by zero"),
         ({"centre_deg": (15.0, -1.0)}, "centre_deg must not lie in the optic disc"),
         ({"ratios": (0.6, 0.3, 0.2)}, r"must sum to 1, got 1.1; pass \(0.5455, 0.2727, 0.1818\)"),
         ({"ratios": (0.6, 0.4)}, "ratios must be three numbers"),
         ({"ratios": (1.2, -0.3, 0.1)}, r"ratios \(L\) must lie between 0 and 1"),
         ({"ratios": (0.0, 0.0, 1.0)}, "ratios has neither"),
         ({"s_fraction": lambda e: 1.0 + e}, "s_fraction must return values between 0 and 1"),
-        ({"rods": lambda x, y: x - 1.0}, "got -.* from function rods <lambda>"),
+        ({"rods": lambda x, y: x - 1.0}, r"rods must be finite and >= 0 .* got -.* at \("),
+        ({"rods": lambda x, y: np.nan * x}, "rods must be finite and >= 0 .* got nan"),
+        ({"rods": lambda x, y: 1 / 0}, "rods must be a function of arrays.*division by zero"),
         ({"disorder": 0.9}, "disorder must lie between 0 and 0.4"),
         ({"disorder": "random"}, "'measured' or a number from 0 to 0.4, got 'random'"),
         ({"rods": "oesterberg"}, "rods must be True or 'curcio1990', None, or a function"),

@@ -103,13 +103,13 @@ def mosaic(
     check_between("s_free_radius_deg", s_free_radius_deg, 0.0, 180.0, "deg")
     check_disorder(disorder)
     check_choice("aperture", aperture, APERTURE_MODELS)
-    check_count("seed", seed, 0)
+    seed = check_count("seed", seed, 0)
     field = Field.of(fov_deg, centre_deg, eye, density, scale)
     if has_optic_disc:
         field.check_disc()
     wanted = field.rods(rods)
     if wanted is not None:
-        check_rods(wanted, field.scale, field.grid_deg())
+        check_rods(wanted, field.grid_deg(field.margin_deg))
     field.check_memory(wanted)
     kernels = LatticeKernels(find_device(device), precision)
     details = field.describe() | {

@@ -68,11 +68,12 @@ def wanted_rods(
     InvalidInputError
         If it is none of the choices.
     """
-    if rods is None or rods is False:
-        return None
     if callable(rods):
         return rods
-    if rods is not True and not (isinstance(rods, str) and rods in ROD_DENSITIES):
+    is_switch = isinstance(rods, (bool, np.bool_))
+    if rods is None or (is_switch and not rods):
+        return None
+    if not is_switch and not (isinstance(rods, str) and rods in ROD_DENSITIES):
         raise InvalidInputError(
             "rods must be True or 'curcio1990', None, or a function of arrays (x_deg, y_deg) that "
             f"returns rods per mm^2 of retina for each, got {rods!r}"

@@ -13,6 +13,7 @@ from isetcl.cones.lattice import relaxed, rings, spacing_of
 from isetcl.cones.receptors import APERTURE_TO_SPACING, rod_intrusion
 from isetcl.cones.retinal_scale import RetinalScale
 from isetcl.device.lattice import LatticeKernels
+from isetcl.errors import InvalidInputError
 
 ROD_OUTER_SEGMENT_UM = 25.0
 """A round figure, the same for all rods; replace it where it matters."""
@@ -20,7 +21,6 @@ ROD_OUTER_SEGMENT_UM = 25.0
 ROD_DISORDER = 0.18
 """Relative spread of the rods' sizes where it is not asked for; no measurement is known."""
 
-_DISC_OF_HEXAGON = math.pi / (2.0 * math.sqrt(3.0))
 # Rods are 1 um wide in the fovea and 2.5 um in the far periphery (Polyak 1941).
 _LEAST_ROOM_MM = 1e-3 / APERTURE_TO_SPACING
 _TIMES_OUT = 3
@@ -32,17 +32,25 @@ _TEST_BANDS = 16
 _LEAST_PER_MM2 = 100.0  # where fewer are wanted, there are none
 
 
-def free_share(eccentricity_deg: np.ndarray) -> np.ndarray:
-    """Share of the retina that is not covered by the cones' inner segments, of hexagonal lattices.
-
-    Discs as wide as the cones' spacing cover pi / (2 sqrt(3)) of it; rods make them narrower.
-    """
-    return np.asarray(1.0 - _DISC_OF_HEXAGON * rod_intrusion(eccentricity_deg) ** 2)
-
-
-def check_rods(wanted: DensityFunction, scale: RetinalScale, deg: np.ndarray) -> None:
+def check_rods(wanted: DensityFunction, deg: np.ndarray) -> None:
     """Raise InvalidInputError unless rods per mm^2 are finite and >= 0 at directions (n, 2)."""
-    _in_free_room(wanted, scale, free_share).per_mm2(scale.to_mm(deg))
+    name = getattr(wanted, "__name__", type(wanted).__name__)
+    try:
+        values = np.asarray(wanted(deg[:, 0], deg[:, 1]), dtype=np.float64)
+        values = np.broadcast_to(values, len(deg))
+    except (TypeError, ValueError, ArithmeticError) as error:
+        raise InvalidInputError(
+            "rods must be a function of arrays (x_deg, y_deg) that returns rods per mm^2 of retina "
+            f"for each; function {name} fails: {error}"
+        ) from error
+    bad = ~(np.isfinite(values) & (values >= 0))
+    if np.any(bad):
+        first = int(np.argmax(bad))
+        x, y = deg[first]
+        raise InvalidInputError(
+            f"rods must be finite and >= 0 per mm^2 all over the field, got {values[first]:g} at "
+            f"({x:.4g}, {y:.4g}) deg from function {name}; return 0 where there are none"
+        )
 
 
 def rods_between(
@@ -127,7 +135,7 @@ def _share_between(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """The share of the field that lies in no cone, by eccentricity in degrees: points at random.
 
-    Where cones overlap, as those of a disordered lattice do, it is more than `free_share`.
+    Cones of a disordered lattice overlap and leave more than hexagons would.
     """
     sides = np.array([field.width_deg, field.height_deg]) + 2.0 * field.margin_deg
     random = np.random.default_rng([seed, 4])
@@ -147,11 +155,8 @@ def _in_free_room(
 
     def rods(x_deg: np.ndarray, y_deg: np.ndarray) -> np.ndarray:
         values = np.asarray(wanted(x_deg, y_deg), dtype=np.float64)
-        # What is no number, or negative, is left to be refused.
-        floored = np.where(values >= 0, np.maximum(values, _LEAST_PER_MM2), values)
-        return floored / share(np.hypot(x_deg, y_deg))
+        return np.maximum(values, _LEAST_PER_MM2) / share(np.hypot(x_deg, y_deg))
 
-    rods.__name__ = f"rods {getattr(wanted, '__name__', '')}".strip()
     return ConeDensity.of(rods, "right", scale)
 
 
