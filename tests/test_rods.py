@@ -32,7 +32,7 @@ def on_the_sphere(density):
 @pytest.fixture(scope="module")
 def mixed():
     """Cones and rods 10 degrees out, where the disc is not."""
-    return ic.cones.mosaic(0.5, (-10.0, 0.0), rods=True, has_rod_intrusion=True, seed=2)
+    return ic.cones.mosaic(0.5, (-10.0, 0.0), rods=True, seed=2)
 
 
 def test_a_retina_has_the_counted_rods_and_cones():
@@ -127,6 +127,19 @@ def test_cones_are_the_same_with_rods_and_without(mixed):
     is_rod = mixed.types == ReceptorType.ROD
     np.testing.assert_array_equal(mixed.positions_deg[~is_rod], alone.positions_deg)
     np.testing.assert_array_equal(mixed.types[~is_rod], alone.types)
+
+
+def test_receptors_share_the_light_and_take_none_twice(mixed):
+    is_rod = mixed.types == ReceptorType.ROD
+    area_um2 = 1e6 * 0.25 * float(SCALE.mm2_per_deg2(np.array(10.0)))
+    cones, rods = (np.sum(np.pi / 4 * mixed.aperture_um[k] ** 2) for k in (~is_rod, is_rod))
+    # Cones alone would be 0.79 of their spacing wide, 0.566 of the area; inner segments narrow
+    # them by 1.58 / 2.25 each way (Banks 1991).
+    assert cones / area_um2 == pytest.approx(0.566 * (1.58 / 2.25) ** 2, rel=0.08)
+    assert (cones + rods) / area_um2 < 0.75
+    whole = ic.cones.mosaic(0.2, (-10.0, 0.0), rods=True, has_rod_intrusion=False)
+    assert not whole.provenance["has_rod_intrusion"]
+    assert mixed.provenance["has_rod_intrusion"]
 
 
 def test_an_even_density_of_rods_is_met():

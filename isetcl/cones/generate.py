@@ -42,7 +42,7 @@ def mosaic(
     disorder: Disorder = "measured",
     scale: str | float | Eye = "watson2014",
     aperture: ApertureModel = "pillbox",
-    has_rod_intrusion: bool = False,
+    has_rod_intrusion: bool | None = None,
     has_optic_disc: bool = True,
     rods: RodDensity = None,
     seed: int = 0,
@@ -78,7 +78,8 @@ def mosaic(
         Degrees to mm of retina: ``"watson2014"``, a number of mm per degree, or an `Eye`, whose
         chief rays are used.
     aperture, has_rod_intrusion
-        See `isetcl.cones.receptors.aperture_um`.
+        See `isetcl.cones.receptors.aperture_um`. None narrows the cones' apertures where the mosaic
+        has rods, which then take no light twice.
     has_optic_disc
         Whether cones are left out in the optic disc.
     rods
@@ -111,6 +112,7 @@ def mosaic(
     if wanted is not None:
         check_rods(wanted, field.grid_deg(field.margin_deg))
     field.check_memory(wanted)
+    is_narrowed = wanted is not None if has_rod_intrusion is None else bool(has_rod_intrusion)
     kernels = LatticeKernels(find_device(device), precision)
     details = field.describe() | {
         "ratios": list(shares),
@@ -118,7 +120,7 @@ def mosaic(
         "s_fraction": None if s_fraction is None else "function",
         "disorder": disorder if isinstance(disorder, str) else float(disorder),
         "aperture": aperture,
-        "has_rod_intrusion": bool(has_rod_intrusion),
+        "has_rod_intrusion": is_narrowed,
         "has_optic_disc": bool(has_optic_disc),
         "rods": None if wanted is None else _name_of(rods),
         "seed": int(seed),
@@ -129,7 +131,7 @@ def mosaic(
     lattice = field.lattice(kernels, disorder, seed)
     spacing_mm = neighbour_spacing(lattice)
     inside = _inside(field, lattice, has_optic_disc)
-    cones = _receptors(field, lattice[inside], spacing_mm[inside], aperture, has_rod_intrusion)
+    cones = _receptors(field, lattice[inside], spacing_mm[inside], aperture, is_narrowed)
     types = assign_types(
         cones.positions_mm,
         cones.eccentricity_deg,
