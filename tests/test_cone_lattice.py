@@ -255,7 +255,7 @@ def test_peripheral_cones_keep_six_to_eight_micrometres_apart_however_few_they_a
 
 def test_no_two_peripheral_cones_are_nearer_than_they_can_be():
     # Curcio & Sloan 1992: 6 to 8 um at the least, which is what inner segments measure there.
-    cells = VoronoiCells.of(ic.cones.mosaic(5.0, (-35.0, 0.0), seed=1))
+    cells = VoronoiCells.of(ic.cones.mosaic(3.0, (-35.0, 0.0), seed=1))
     assert 1e3 * cells.nearest_mm[cells.is_inside].min() > 6.0
 
 
