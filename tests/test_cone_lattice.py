@@ -207,6 +207,11 @@ def test_the_same_seed_gives_the_same_mosaic_and_another_seed_another(parafovea)
     assert not np.array_equal(other.positions_deg[:100], parafovea.positions_deg[:100])
 
 
+def test_a_seed_may_be_any_whole_number():
+    plain, as_float = (ic.cones.mosaic(0.05, seed=s) for s in (3, 3.0))
+    np.testing.assert_array_equal(plain.positions_deg, as_float.positions_deg)
+
+
 def test_rings_have_the_wanted_number_of_points_within_every_radius():
     # An even density of 10 000 per mm^2: pi r^2 D points, to the ring's own share.
     density = ConeDensity.of(lambda x, y: 1e4 + 0.0 * x, "right", SCALE)
