@@ -14,6 +14,7 @@ from isetcl.cones.rod_density import (
     rods_per_mm2,
     wanted_rods,
 )
+from isetcl.errors import InvalidInputError
 
 SCALE = RetinalScale.of("watson2014")
 ROUND = np.linspace(0.0, RETINA_ENDS_MM, 4001)
@@ -148,6 +149,12 @@ def test_an_even_density_of_rods_is_met():
     area = 0.09 * float(SCALE.mm2_per_deg2(np.array(10.0)))
     assert mixed.counts["ROD"] == pytest.approx(1e5 * area, rel=0.04)
     assert mixed.provenance["rods"] == "function"
+
+
+def test_there_is_no_retina_beyond_twenty_millimetres():
+    cones = {"density": lambda x, y: 5e3 + 0.0 * x, "scale": 0.28}
+    with pytest.raises(InvalidInputError, match=r"known to 20 mm .* reaches 20\.44 mm"):
+        ic.cones.mosaic(2.0, (72.0, 0.0), rods=True, **cones)
 
 
 def test_there_are_no_rods_where_none_are_wanted():

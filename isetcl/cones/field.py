@@ -13,7 +13,7 @@ from isetcl.cones.disorder import Disorder, least_distance_mm, measured_disorder
 from isetcl.cones.lattice import Sector, parted, relaxed, rings, spacing_of
 from isetcl.cones.mosaic import Side, check_fov
 from isetcl.cones.retinal_scale import RetinalScale
-from isetcl.cones.rod_density import RodDensity, wanted_rods
+from isetcl.cones.rod_density import RodDensity, check_known, wanted_rods
 from isetcl.device.lattice import LatticeKernels
 from isetcl.errors import InvalidInputError, check_choice, check_pair
 from isetcl.eye.model import Eye
@@ -110,7 +110,10 @@ class Field:
 
     def rods(self, rods: RodDensity) -> DensityFunction | None:
         """Rods per mm^2 at directions in degrees; see `isetcl.cones.rod_density.wanted_rods`."""
-        return wanted_rods(rods, self.eye, self.scale)
+        wanted = wanted_rods(rods, self.eye, self.scale)
+        if wanted is not None and not callable(rods):
+            check_known(float(np.hypot(*self.scale.to_mm(self.grid_deg()).T).max()))
+        return wanted
 
     def estimate(self, rods: DensityFunction | None = None) -> MosaicEstimate:
         """Cones in the field by the trapezoidal rule, and memory for what is made around it.

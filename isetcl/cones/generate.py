@@ -154,15 +154,7 @@ def mosaic(
         seed=seed,
     )
     inside = _inside(field, places, has_optic_disc, may_be_empty=True)
-    if not np.any(inside):
-        return made
-    between = _receptors(field, places[inside], apart[inside], aperture, False)
-    between = dataclasses.replace(
-        between,
-        types=np.full(len(between), ReceptorType.ROD),
-        outer_segment_um=np.full(len(between), ROD_OUTER_SEGMENT_UM),
-    )
-    return dataclasses.replace(made.merge(between), provenance=details)
+    return _with_rods(made, field, places[inside], apart[inside], aperture)
 
 
 def estimate_mosaic(
@@ -197,6 +189,25 @@ def _inside(
             "fov_deg larger"
         )
     return inside
+
+
+def _with_rods(
+    cones: ConeMosaic,
+    field: Field,
+    places_mm: np.ndarray,
+    apart_mm: np.ndarray,
+    aperture: ApertureModel,
+) -> ConeMosaic:
+    """The mosaic with rods at places, if any, after its cones."""
+    if len(places_mm) == 0:
+        return cones
+    between = _receptors(field, places_mm, apart_mm, aperture, False)
+    between = dataclasses.replace(
+        between,
+        types=np.full(len(between), ReceptorType.ROD),
+        outer_segment_um=np.full(len(between), ROD_OUTER_SEGMENT_UM),
+    )
+    return dataclasses.replace(cones.merge(between), provenance=cones.provenance)
 
 
 def _receptors(

@@ -53,6 +53,15 @@ def rods_per_mm2(meridian: Meridian, arc_mm: np.ndarray) -> np.ndarray:
     return np.interp(arc_mm, *_CURCIO[meridian], right=0.0)
 
 
+def check_known(arc_mm: float) -> None:
+    """Raise InvalidInputError for a distance from the fovea at which there is no retina."""
+    if arc_mm > RETINA_ENDS_MM * (1 + 1e-9):
+        raise InvalidInputError(
+            f"rods 'curcio1990' are known to {RETINA_ENDS_MM:g} mm from the fovea, and the field "
+            f"reaches {arc_mm:.4g} mm; make fov_deg smaller or pass your own function"
+        )
+
+
 def wanted_rods(
     rods: RodDensity, eye: str, scale: RetinalScale
 ) -> Callable[[np.ndarray, np.ndarray], np.ndarray] | None:
