@@ -91,10 +91,11 @@ def rods_between(
     if len(start) == 0:
         return start, np.zeros(0)
     rims = _rims(cones_mm, radius, spacing_of(crowded(cones_mm)))
+    at_rims = crowded(rims)  # which do not move
     is_fixed = ~field.holds(scale.to_deg(start), 0.5 * field.margin_deg)
     places = relaxed(
         np.concatenate([start, rims]),
-        crowded,
+        lambda p: np.concatenate([crowded(p[: len(start)]), at_rims]),
         np.concatenate([is_fixed, np.ones(len(rims), dtype=bool)]),
         kernels,
         disorder,
