@@ -175,6 +175,7 @@ def test_the_command_draws_and_writes_the_three_transfers(tmp_path):
     )
     assert result.exit_code == 0, result.output
     assert "slanted edge and line spread" in result.output
+    assert "of its light found beyond the image" in " ".join(result.output.split())
     assert (tmp_path / "three_mtfs.png").stat().st_size > 20000
     rows = list(csv.DictReader((tmp_path / "three_mtfs.csv").open()))
     assert float(rows[0]["slanted_edge"]) == pytest.approx(1.0)

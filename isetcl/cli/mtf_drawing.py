@@ -104,7 +104,9 @@ def _rows(found: ThreeMtfs, band: PopulationBand | None) -> str:
 def _summary(found: ThreeMtfs) -> str:
     pairs = ", ".join(f"{pair} {value:.3f}" for pair, value in found.differences().items())
     error = float(np.max(found.slanted_edge_error))
+    beyond = 100.0 * found.measured.beyond
     return (
-        f"largest differences: {pairs}; standard error of the edge up to {error:.3f}\n"
+        f"largest differences: {pairs}; standard error of the edge up to {error:.3f}, with "
+        f"{beyond:.2f} % of its light found beyond the image and put back\n"
         "(rays, in the edge and the line spread, do not interfere; the wavefront does)"
     )
