@@ -13,6 +13,7 @@ from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.validation import slanted_edge_mtf
 from isetcl.validation.transfer import edge_line, slanted_edge, spread, tail
+from isetcl.validation.transfer.pixel_scale import PixelScale
 
 SLOPE_QUARTER = math.degrees(math.atan(0.25))
 SLOPE_HALF = math.degrees(math.atan(0.5))
@@ -383,6 +384,37 @@ def test_pixels_outside_the_region_may_be_anything():
     np.testing.assert_allclose(whole.photopic_mtf, mtf(whole.frequency_cpp), atol=1e-3)
 
 
+def test_counts_of_few_photons_are_not_taken_for_cut_noise():
+    rng = np.random.default_rng(6)
+    mean = 2.0 + 400.0 * edge_image("gaussian", 1.0, 6.0, (64, 64))[0]
+    found = slanted_edge_mtf(rng.poisson(mean), pitch_deg=1.0)
+    low = found.frequency_cpp < 0.2
+    off = np.abs(found.photopic_mtf - gaussian(1.0)(found.frequency_cpp))
+    assert np.all((off < 4.0 * found.photopic_standard_error + 1e-3)[low])
+
+
+@pytest.mark.parametrize("angle", [12.0, 66.0])
+def test_frequencies_across_any_direction_follow_the_retina_and_the_sphere(angle):
+    """The gradient of the phase in the metric of small steps, by differences."""
+    eye = ic.eyes.navarro(4.0)
+    scale = PixelScale(0.01, None, (0.0, 0.0), eye, 550.0)
+    field = np.array([12.0, 16.0])
+    wave = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))]) / 0.01
+    eps = np.array([[1e-4, 0.0], [-1e-4, 0.0], [0.0, 1e-4], [0.0, -1e-4]])
+    places = (field + eps).T
+
+    def density(points):
+        steps = np.stack([points[0] - points[1], points[2] - points[3]]) / 2e-4
+        return math.sqrt(wave @ np.linalg.solve(steps @ steps.T, wave))
+
+    polar, turn = np.radians(np.hypot(*places)), np.arctan2(places[1], places[0])
+    ray = np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], 1)
+    retina = eye.field_map(550.0).retinal_point_mm(*places)
+    per_deg, per_mm = scale.cycles(wave * 0.01, (12.0, 16.0))
+    assert per_deg == pytest.approx(density(np.degrees(ray)), rel=1e-6)
+    assert per_mm == pytest.approx(density(retina), rel=1e-6)
+
+
 @pytest.mark.parametrize("angle", [7.0, -82.0])
 def test_light_that_falls_off_along_the_edge_does_not_turn_it(angle):
     """By 29 % from end to end, which tilts a line of steepest places by a quarter of a degree."""
@@ -425,6 +457,8 @@ BAD = {
     "noisy": (lambda: _noisy(0.25), {}, "too noisy: its transfer"),
     "lost in noise": (lambda: _noisy(0.45), {}, "too noisy: its step"),
     "clipped": (lambda: _noisy(0.05, 0.95), {}, "is saturated"),
+    "cut": (lambda: np.maximum(_noisy(0.05), 0.0), {}, "is cut off"),
+    "cut bytes": (lambda: (_noisy(0.05) * 200).clip(0, 255).astype(np.uint8), {}, "is cut off"),
     "clipped bytes": (lambda: (_edge() * 600).clip(0, 255).astype(np.uint8), {}, "is saturated"),
     "NaN": (_with_nan, {}, "first in row 3, column 4"),
     "no pitch": (_edge, {"pitch_deg": None}, "pitch_deg or pitch_mm"),

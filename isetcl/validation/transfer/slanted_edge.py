@@ -12,7 +12,12 @@ from isetcl.eye.waves.otf import check_frequencies
 from isetcl.retina.image import RetinalImage
 from isetcl.validation.transfer.edge_line import find_edge, turned
 from isetcl.validation.transfer.result import Edge, PixelChoice, SlantedEdgeMtf
-from isetcl.validation.transfer.source import EdgeSource, check_not_clipped, source_of
+from isetcl.validation.transfer.source import (
+    EdgeSource,
+    check_not_clipped,
+    check_not_cut,
+    source_of,
+)
 from isetcl.validation.transfer.spread import EdgeFit, fit_edge
 from isetcl.validation.transfer.tail import Beyond
 
@@ -114,7 +119,7 @@ def slanted_edge_mtf(
     line = find_edge(source.brightness, source.name)
     image_turned = turned(source.brightness, line.is_turned)
     found = fit_edge(image_turned, line, is_curved)
-    _check_clipped(found, image_turned, source.name)
+    _check_clipped(found, image_turned, source.name, isinstance(image, RetinalImage))
     return _measure(source, found, frequency_cpd, pixel)
 
 
@@ -184,7 +189,7 @@ def _measure(
     )
 
 
-def _check_clipped(found: EdgeFit, image: np.ndarray, name: str) -> None:
+def _check_clipped(found: EdgeFit, image: np.ndarray, name: str, is_traced: bool) -> None:
     values = image[found.pixels]
     spread = found.spline(values)
     low, high = found.sides(spread)
@@ -193,6 +198,9 @@ def _check_clipped(found: EdgeFit, image: np.ndarray, name: str) -> None:
     left = np.abs(values - spread(found.distance))
     scatter = max(float(np.median(left[side * away > _OUTER])) for side in (-1.0, 1.0))
     check_not_clipped(values[away > _OUTER], name, scatter > _NOISY * abs(high - low))
+    # Rays may find no light in a pixel, and little in the next.
+    if not is_traced:
+        check_not_cut(values[away < -_OUTER], name)
 
 
 def _normal(found: EdgeFit) -> np.ndarray:

@@ -16,6 +16,8 @@ from isetcl.spectrum import check_wavelengths, photopic_weights
 from isetcl.validation.transfer.pixel_scale import PixelScale, scale_of_image
 
 _CLIPPED_SHARE = 0.1
+_MOST_CUT = 0.7
+_COUNT_STEP = 0.5
 
 Region = tuple[int, int, int, int]
 
@@ -195,6 +197,30 @@ def check_not_clipped(values: np.ndarray, name: str, is_noisy: bool) -> None:
         raise InvalidInputError(
             f"the bright side of the edge in {name} is saturated: {100.0 * clipped:.0f} % of its "
             f"pixels are exactly {np.max(values):g}, while others scatter; expose less"
+        )
+
+
+def check_not_cut(values: np.ndarray, name: str) -> None:
+    """Raise InvalidInputError if noise of the dark side is cut off at its lowest value.
+
+    Counts of few photons are often 0 too, but they are whole steps apart.
+
+    Parameters
+    ----------
+    values : ndarray, (n,)
+        Pixels of the dark side.
+    """
+    lowest = np.min(values)
+    above = values[values > lowest]
+    cut = 1.0 - len(above) / len(values)
+    if not _CLIPPED_SHARE < cut < _MOST_CUT:
+        return
+    step = float(np.min(above) - lowest)
+    if step < _COUNT_STEP * float(np.std(values)):
+        raise InvalidInputError(
+            f"the dark side of the edge in {name} is cut off: {100.0 * cut:.0f} % of its pixels "
+            f"are exactly {lowest:g}, while others scatter above; keep values below the black "
+            "level, negative ones too"
         )
 
 
