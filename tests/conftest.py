@@ -39,7 +39,7 @@ def few_lanes(monkeypatch):
 
 @pytest.fixture
 def shared_kernels(monkeypatch, request):
-    """Paths are followed by kernels that know more than a scene needs, so that scenes share them.
+    """Paths are followed by kernels that know all that scenes can have, so that scenes share them.
 
     Building a kernel takes longer than most tests, and less with fewer lanes; that what is compiled
     in without need changes nothing, nor the lanes, is tested in test_path_kernels.py. Tests
@@ -52,19 +52,11 @@ def shared_kernels(monkeypatch, request):
     request.getfixturevalue("few_lanes")
     plan = importlib.import_module("isetcl.render.plan")
     decide = plan.decide_features
-    always = (
-        *("has_flats", "has_balls", "has_textured_balls", "has_normals", "has_pictures"),
-        *("has_grids", "has_translucent", "has_mirrors", "has_conductors", "has_dielectrics"),
-        *("has_coated", "has_spots", "has_cutouts", "has_levels"),
-    )
 
     def generous(scene, notes):
         features = decide(scene, notes)
-        return (
-            features
-            | dict.fromkeys(always, True)
-            | {"combined_depth": max(3, features["combined_depth"])}
-        )
+        everything = {name: True for name in features if name.startswith("has_")}
+        return features | everything | {"combined_depth": max(3, features["combined_depth"])}
 
     monkeypatch.setattr(plan, "decide_features", generous)
 
