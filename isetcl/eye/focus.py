@@ -7,6 +7,7 @@ paper is focused 0.07 dpt in front of infinity at 2 mm, 0.43 dpt at 4 mm (550 nm
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
@@ -64,6 +65,7 @@ def rms_spot_mm(eye: Eye, vergence_dpt: float, wavelength_nm: float) -> float:
     return float(np.sqrt(_spot(eye, wavelength_nm).mean_square_mm2(vergence_dpt)))
 
 
+@functools.lru_cache(maxsize=256)
 def focus_at(eye: Eye, distance_m: float, wavelength_nm: float, criterion: FocusCriterion) -> Eye:
     """The eye of the same family that is focused at a distance; see `Eye.focus_at`."""
     from scipy.optimize import brentq
