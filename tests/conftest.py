@@ -1,5 +1,6 @@
 """Fixtures that many tests share."""
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -26,6 +27,20 @@ def device():
 @pytest.fixture(params=["single", "double"])
 def precision(request):
     return request.param
+
+
+@pytest.fixture
+def one_register(monkeypatch, device):
+    """Rays side by side in one vector of the hardware instead of four: kernels are built sooner.
+
+    That the number of lanes changes no bit is tested in test_trace_rays.py and test_direct.py.
+    """
+    from isetcl.device.devices import Device
+
+    width = Device.vector_width
+    monkeypatch.setattr(
+        Device, "vector_width", lambda self, precision: max(1, width(self, precision) // 4)
+    )
 
 
 @pytest.fixture
@@ -78,6 +93,17 @@ DOUBLE_IS_SLOW = {
 }
 """Images in double precision come from the same sources with another type, and building the kernels
 takes most of the time. Rays, functions of kernels and surfaces are tested in both every time."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session):
+    """Collect without looking for garbage: what is made lives on, and looking takes a third."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)
