@@ -221,18 +221,6 @@ def test_a_time_budget_is_kept():
     assert image.provenance["samples_per_pixel"] > 32
 
 
-def test_a_budget_for_a_few_samples_is_used_up(monkeypatch):
-    """Where a sample of the whole image takes long, the pilot is short and is continued."""
-    from isetcl.render.film import Film
-
-    monkeypatch.setattr(Film, "seconds_per_sample", lambda film: 0.1)
-    options = {"resolution": 8, "bands": 1, "time_budget_s": 1.5}
-    image = ic.render(ic.scenes.two_planes(), ic.eyes.navarro(), **options)
-    # 15 samples seemed affordable: two replicates of 5; more followed while there was time.
-    assert image.provenance["samples_per_pixel"] > 10
-    assert image.provenance["samples_per_pixel"] % 5 == 0
-
-
 def test_an_impossible_time_budget_still_gives_an_image_with_an_error():
     image = ic.render(ic.scenes.two_planes(), ic.eyes.navarro(), resolution=64, time_budget_s=1e-3)
     assert image.provenance["samples_per_pixel"] >= 2
