@@ -124,7 +124,8 @@ class LightCatch(ReceptorEfficiency):
                 "excitations need an image of at least 2 x 2 pixels and 2 wavelengths, got "
                 f"{values.shape[2]} x {values.shape[1]} pixels and {values.shape[0]} wavelengths"
             )
-        if not np.all(np.isfinite(values)) or values.min() < 0:
+        # A minimum that is NaN fails too.
+        if not (values.min() >= 0 and values.max() < np.inf):
             worst = values[~(np.isfinite(values) & (values >= 0))][0]
             raise InvalidInputError(
                 f"irradiance must be finite and >= 0 W m^-2 nm^-1, got {worst:g}; clip or mend the "
@@ -253,17 +254,29 @@ class LightCatch(ReceptorEfficiency):
         from isetcl.device.choose import find_device
         from isetcl.device.cone_apertures import ApertureSums
 
+        shifts = self.shifts(gaze_deg)
+        rows, columns = self._window(shifts)
         sums = ApertureSums(
             find_device(device),
-            self._image.irradiance.values,
+            self._image.irradiance.values[:, rows, columns],
             is_gaussian=self._mosaic.aperture_shape == "gaussian",
             precision=precision,
         )
-        shifts = self.shifts(gaze_deg)
+        apertures = self.apertures - np.array([columns.start, rows.start, 0.0, 0.0])
         step = max(1, _MOST_EFFICIENCIES // len(self._image.wavelengths_nm))
         parts = [slice(first, first + step) for first in range(0, len(self._mosaic), step)]
-        found = [sums.run(self.apertures[p], self.efficiencies(p), shifts) for p in parts]
-        return np.concatenate(found, axis=1)
+        found = [sums.run(apertures[p], self.efficiencies(p), shifts) for p in parts]
+        return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+
+    def _window(self, shifts: np.ndarray) -> tuple[slice, slice]:
+        """Rows and columns of the image that apertures reach, with one more on every side."""
+        shape = np.array(self._image.irradiance.shape[:0:-1])
+        middle, reach = self.apertures[:, :2], self._reach * self.apertures[:, 2:]
+        low = np.floor((middle - reach).min(axis=0) + shifts.min(axis=0)) - 1
+        high = np.ceil((middle + reach).max(axis=0) + shifts.max(axis=0)) + 1
+        first = np.clip(low, 0, shape - 1).astype(int)
+        end = np.clip(high, first + 1, shape).astype(int)
+        return slice(first[1], end[1]), slice(first[0], end[0])
 
 
 def mean_segment_factor(
