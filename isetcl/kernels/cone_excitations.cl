@@ -111,18 +111,16 @@ INLINE realv rest_of_quarter(realv u) {
 #endif
 
 /* edge_at - an edge at x semi-axes from the middle. */
-INLINE edge_t edge_at(realv x) {
-  edge_t edge;
+INLINE void edge_at(realv x, edge_t *edge) {
   const realv inside = larger(smaller(x, (realv)REACH), (realv)-REACH);
 #if HAS_GAUSSIAN
-  edge.at = share_below(inside);
-  edge.square = edge.rest = 0;
+  edge->at = share_below(inside);
+  edge->square = edge->rest = 0;
 #else
-  edge.at = inside;
-  edge.square = inside * inside;
-  edge.rest = rest_of_quarter(1 - magnitude(inside));
+  edge->at = inside;
+  edge->square = inside * inside;
+  edge->rest = rest_of_quarter(1 - magnitude(inside));
 #endif
-  return edge;
 }
 
 /* corner - share of the aperture to the left of x and below y, times a constant, less what depends
@@ -130,18 +128,18 @@ INLINE edge_t edge_at(realv x) {
  *
  * Disc: x y inside; outside +-(pi/4 - rest of x - rest of y), which is where the disc ends.
  */
-INLINE realv corner(edge_t x, edge_t y) {
-  const realv inside = x.at * y.at;
+INLINE realv corner(const edge_t *x, const edge_t *y) {
+  const realv inside = x->at * y->at;
 #if HAS_GAUSSIAN
   return inside;
 #else
-  const realv outside = QUARTER - x.rest - y.rest;
-  return x.square + y.square < 1 ? inside : inside < 0 ? -outside : outside;
+  const realv outside = QUARTER - x->rest - y->rest;
+  return x->square + y->square < 1 ? inside : inside < 0 ? -outside : outside;
 #endif
 }
 
 /* light_of - the light of a pixel that the receptor catches. */
-INLINE real light_of(global const real8 *restrict pixel, const real8 *efficiency) {
+INLINE real light_of(global const real8 *pixel, const real8 *efficiency) {
   real8 caught = pixel[0] * efficiency[0];
   for (int b = 1; b < BLOCKS; ++b) caught += pixel[b] * efficiency[b];
   const real4 part = caught.lo + caught.hi;
@@ -194,16 +192,17 @@ kernel void cone_excitations(global const real8 *restrict irradiance, const int 
     edge_t edge[STRIP + 1];
     realv above[STRIP];
     const int n = min(STRIP, end_col - begin);
-    for (int i = 0; i <= n; ++i) edge[i] = edge_at(((begin + i) - whole_x - x) * per_x);
+    for (int i = 0; i <= n; ++i) edge_at(((begin + i) - whole_x - x) * per_x, &edge[i]);
     for (int row = first_row; row <= end_row; ++row) {
-      const edge_t below = edge_at((row - whole_y - y) * per_y);
+      edge_t below;
+      edge_at((row - whole_y - y) * per_y, &below);
       global const real8 *line =
           irradiance + BLOCKS * (size_t)clamp(at.y + row - 1, 0, rows - 1) * columns;
-      realv left = corner(edge[0], below);
+      realv left = corner(&edge[0], &below);
       /* Sums of rows first: many small parts one by one would be rounded away. */
       realv row_light = 0, row_shares = 0;
       for (int i = 0; i < n; ++i) {
-        const realv right = corner(edge[i + 1], below);
+        const realv right = corner(&edge[i + 1], &below);
         const realv width = right - left;
         left = right;
         if (row > first_row) {
