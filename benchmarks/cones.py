@@ -23,6 +23,7 @@ from common import interleave, machine, save, show, versions
 
 import isetcl as ic
 from isetcl.cones.light_catch import LightCatch
+from isetcl.cones.viewing import Viewing
 
 WAVES = np.arange(400.0, 701.0, 10.0)
 EYE = ic.eyes.navarro(pupil_diameter_mm=3.0, accommodation_dpt=1.0)
@@ -66,7 +67,7 @@ def blurred(mosaic: Any, image: ic.RetinalImage, gaze_deg: np.ndarray) -> np.nda
     from scipy.ndimage import map_coordinates
     from scipy.signal import oaconvolve
 
-    catch = LightCatch(mosaic, image, ic.cones.Observer())
+    catch = LightCatch(mosaic, image, Viewing())
     efficiency = catch.efficiencies(slice(None))
     radius = float(np.median(catch.apertures[:, 2]))
     half = int(np.ceil(radius))
@@ -116,7 +117,8 @@ def error_against_time(is_small: bool, rounds: int) -> dict[str, Any]:
     found = {}
     for name, (scene, mosaic, middle, field) in cases(is_small).items():
         reference = mosaic.excitations(
-            ic.render(scene, EYE, at=mosaic, spp=2048 if is_small else 1 << 15, seed=77)
+            ic.render(scene, EYE, at=mosaic, spp=2048 if is_small else 1 << 15, seed=77),
+            media="as_is",
         ).mean.values[0]
         finest = 1e3 * float(mosaic.aperture_deg.min())
         ways: dict[str, list[dict[str, float]]] = {}
@@ -153,7 +155,7 @@ def at_the_cones(scene: ic.Scene, mosaic: Any, spp: int) -> Callable[[], np.ndar
 
     def run() -> np.ndarray:
         light = ic.render(scene, EYE, at=mosaic, spp=spp, progress=False)
-        return np.asarray(mosaic.excitations(light).mean.values[0])
+        return np.asarray(mosaic.excitations(light, media="as_is").mean.values[0])
 
     return run
 
@@ -174,7 +176,7 @@ def by_image(
             spp=spp,
             progress=False,
         )
-        return np.asarray(mosaic.excitations(image).mean.values[0])
+        return np.asarray(mosaic.excitations(image, media="as_is").mean.values[0])
 
     return run
 

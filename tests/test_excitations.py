@@ -223,6 +223,7 @@ def test_excitations_are_those_of_the_formulas(precision, aperture, fov, centre,
     gaze = np.array([[0.0, 0.0], [0.06 * fov[0], -0.03 * fov[1]]])
     for has_pigment in (True, False):
         options = {"gaze_deg": gaze, "has_macular_pigment": has_pigment, "precision": precision}
+        options["uneven_wavelengths"] = "refuse" if waves is not UNEVEN else "bins"
         found = mosaic.excitations(image, 0.02, **options).mean.values
         for frame, look in zip(found, gaze, strict=True):
             expected = expected_excitations(
@@ -371,7 +372,8 @@ def test_uneven_wavelength_steps_integrate_the_same_spectrum():
         for waves in (fine, uneven):
             spectrum = 1e-3 * np.exp(-(((waves - 520.0) / 45.0) ** 2))
             image = image_of(spectrum[:, None, None] * np.ones((8, 8)), 6.0, waves)
-            found.append(mosaic.excitations(image, segments=segments).mean.values[0])
+            options = {"segments": segments, "uneven_wavelengths": "bins"}
+            found.append(mosaic.excitations(image, **options).mean.values[0])
         np.testing.assert_allclose(found[1], found[0], rtol=1e-3)
 
 
@@ -475,6 +477,64 @@ def test_macular_pigment_is_not_counted_twice():
     np.testing.assert_allclose(found, mosaic.excitations(image).mean.values, rtol=2e-3)
 
 
+@pytest.fixture(scope="module")
+def clear_and_behind():
+    """Light of an even field on four cones: an image, and at the cones, clear and behind a lens."""
+    mosaic = mosaic_of(np.zeros((3, 2)), [0, 1, 2])
+    scene, lens = ic.scenes.uniform(), ic.OcularMedia(32.0, "cie_170")
+    ways = ({"fov_deg": 0.1, "resolution": 4}, {"at": mosaic})
+    waves = np.arange(400.0, 701.0, 2.0)
+    light = [
+        [
+            ic.render(scene, EYE, spp=2, bands=2, wavelengths_nm=waves, media=media, **way)
+            for media in (None, lens)
+        ]
+        for way in ways
+    ]
+    return mosaic, lens, light
+
+
+@pytest.mark.parametrize("way", [0, 1], ids=["image", "at the cones"])
+def test_light_without_a_lens_is_warned_of_and_can_still_pass_one(clear_and_behind, way, recwarn):
+    mosaic, lens, light = clear_and_behind
+    clear, behind = light[way]
+    with pytest.warns(UserWarning, match=r"without the eye's lens.*transmittance.*'as_is'") as told:
+        bare = mosaic.excitations(clear).mean.values[0]
+    assert [w.filename for w in told if "lens" in str(w.message)] == [__file__]
+    recwarn.clear()
+    np.testing.assert_array_equal(mosaic.excitations(clear, media="as_is").mean.values[0], bare)
+    expected = mosaic.excitations(behind).mean.values[0]
+    for media in (lens, retina.transmittance(32.0, "cie_170")):
+        passed = mosaic.excitations(clear, media=media)
+        np.testing.assert_allclose(passed.mean.values[0], expected, rtol=1e-5)
+        assert passed.provenance["media"] == {"age_years": 32.0, "model": "cie_170"}
+    assert not [w for w in recwarn if "lens" in str(w.message)]
+    # Per lux of equal energy and of that behind the lens 458.9 and 178.2; and what the lens takes.
+    nm = np.arange(400.0, 701.0)
+    seen = luminous_efficiency(nm)
+    lux = np.sum(seen) / np.sum(seen * 10.0 ** -standard_lens_density(nm))
+    assert bare[2] / expected[2] == pytest.approx(458.9 / 178.2 * lux, rel=0.02)
+
+
+@pytest.mark.parametrize("way", [0, 1], ids=["image", "at the cones"])
+def test_no_light_passes_a_lens_twice(clear_and_behind, way):
+    mosaic, lens, light = clear_and_behind
+    with pytest.raises(InvalidInputError, match="media would be counted twice"):
+        mosaic.excitations(light[way][1], media=lens)
+    if way == 0:
+        other = retina.Transmittance("another lens", ic.OcularMedia(60.0))
+        with pytest.raises(InvalidInputError, match=r"without\('media'\)"):
+            light[0][1].through(other)
+
+
+def test_light_of_arrays_and_files_is_taken_as_it_is(recwarn, tmp_path):
+    image = image_of(np.ones((8, 8)))
+    mosaic = mosaic_of(np.zeros((1, 2)))
+    mosaic.excitations(image)
+    mosaic.excitations(ic.RetinalImage.from_isetbio(image.to_isetbio(tmp_path / "i.mat"), EYE))
+    assert not [w for w in recwarn if "lens" in str(w.message)]
+
+
 def test_means_beyond_memory_are_refused_with_their_size(monkeypatch):
     monkeypatch.setattr("isetcl.memory.available_bytes", lambda: 2**20)
     mosaic, image = mosaic_of(np.zeros((100, 2))), image_of(np.ones((8, 8)))
@@ -517,6 +577,10 @@ def descending_image():
     return ic.RetinalImage(image_of(np.ones((8, 8))).dataset.isel(wavelength=slice(None, None, -1)))
 
 
+def uneven_image():
+    return image_of(np.ones((8, 8)), waves=UNEVEN)
+
+
 def crooked_image(fov_deg=0.4):
     return ic.RetinalImage(image_of(np.ones((8, 8)), fov_deg).dataset.isel(x=[0, 1, 2, 3, 4, 7]))
 
@@ -546,6 +610,15 @@ def crooked_image(fov_deg=0.4):
         (lambda: image_of(np.full((8, 8), np.inf)), {}, "irradiance must be finite and >= 0"),
         (lambda: image_of(np.ones((8, 8)), waves=np.array([700.0, 840.0])), {}, "390 to 830 nm"),
         (descending_image, {}, "strictly ascending"),
+        (uneven_image, {}, r"equal steps to be summed, got steps of 3 to 60 nm; .*resample"),
+        (uneven_image, {"uneven_wavelengths": "trapezia"}, "uneven_wavelengths"),
+        (lambda: image_of(np.ones((8, 8))), {"media": 32.0}, "media must be OcularMedia"),
+        (lambda: image_of(np.ones((8, 8))), {"media": "none"}, "media"),
+        (
+            lambda: image_of(np.ones((8, 8))),
+            {"media": retina.macular_pigment()},
+            "got macular pigment",
+        ),
         (crooked_image, {}, "equal steps along x"),
         (lambda: crooked_image(1e-5), {}, "equal steps along x"),
     ],

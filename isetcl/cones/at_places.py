@@ -6,7 +6,7 @@ import numpy as np
 
 from isetcl.cones.light_catch import ReceptorEfficiency
 from isetcl.cones.mosaic import ConeMosaic
-from isetcl.cones.observer import Observer
+from isetcl.cones.viewing import Viewing
 from isetcl.errors import InvalidInputError
 from isetcl.retina.places import IrradianceAtPlaces
 
@@ -14,23 +14,18 @@ _AT_ONCE = 1 << 14
 
 
 def rates_at_places(
-    mosaic: ConeMosaic,
-    light: IrradianceAtPlaces,
-    observer: Observer,
-    segments: str,
-    has_macular_pigment: bool,
+    mosaic: ConeMosaic, light: IrradianceAtPlaces, viewing: Viewing
 ) -> tuple[np.ndarray, np.ndarray]:
     """Mean excitations a second and their standard errors, (receptors,).
 
     Raises
     ------
     InvalidInputError
-        If the light is not that of the mosaic's apertures, or of one wavelength only.
+        If the light is not that of the mosaic's apertures, of one wavelength only, or of
+        wavelengths in unequal steps that are not allowed.
     """
     _check_same(mosaic, light)
-    efficiency = ReceptorEfficiency(
-        mosaic, light.wavelengths_nm, observer, segments, has_macular_pigment
-    )
+    efficiency = ReceptorEfficiency(mosaic, light.wavelengths_nm, viewing)
     rate, error = np.empty(len(mosaic)), np.empty(len(mosaic))
     for first in range(0, len(mosaic), _AT_ONCE):
         part = slice(first, min(first + _AT_ONCE, len(mosaic)))

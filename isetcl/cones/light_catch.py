@@ -10,6 +10,7 @@ import numpy as np
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.observer import Observer
 from isetcl.cones.receptors import ReceptorType, outer_segment_um
+from isetcl.cones.viewing import Viewing
 from isetcl.errors import InvalidInputError
 from isetcl.eye.people.macular_pigment import macular_fraction
 from isetcl.memory import check_memory
@@ -30,24 +31,20 @@ class ReceptorEfficiency:
 
     Parameters
     ----------
-    mosaic, observer
-        Who looks, with which pigments.
+    mosaic, viewing
+        Who looks, with which pigments and behind what.
     wavelengths_nm
         Of the light.
-    segments, has_macular_pigment
-        As in `isetcl.cones.excitations`.
+
+    Raises
+    ------
+    InvalidInputError
+        If wavelengths lie in unequal steps, and that is not allowed.
     """
 
-    def __init__(
-        self,
-        mosaic: ConeMosaic,
-        wavelengths_nm: np.ndarray,
-        observer: Observer,
-        segments: str = "spectral",
-        has_macular_pigment: bool = True,
-    ) -> None:
-        self._mosaic, self._grid, self._observer = mosaic, wavelengths_nm, observer
-        self._segments, self._has_macular = segments, has_macular_pigment
+    def __init__(self, mosaic: ConeMosaic, wavelengths_nm: np.ndarray, viewing: Viewing) -> None:
+        self._mosaic, self._viewing = mosaic, viewing
+        self._grid = viewing.check_wavelengths(wavelengths_nm)
 
     def efficiencies(self, receptors: slice) -> np.ndarray:
         """Excitations a second per W m^-2 nm^-1 at each wavelength, (receptors, wavelengths)."""
@@ -55,23 +52,24 @@ class ReceptorEfficiency:
         types = self._mosaic.types[receptors]
         eccentricity = self._mosaic.eccentricity_deg[receptors]
         efficiency = self._pigments(types, self._mosaic.outer_segment_um[receptors])
-        if self._has_macular:
-            density = self._observer.macular_density(grid)
+        if self._viewing.has_macular_pigment:
+            density = self._viewing.observer.macular_density(grid)
             efficiency = efficiency * 10.0 ** (-macular_fraction(eccentricity)[:, None] * density)
         area_m2 = np.pi * (0.5e-6 * self._mosaic.aperture_um[receptors]) ** 2
         photons = grid / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)
-        return np.asarray(efficiency * area_m2[:, None] * photons)
+        passed = self._viewing.transmittance(grid)
+        return np.asarray(efficiency * area_m2[:, None] * (photons * passed))
 
     def _pigments(self, types: np.ndarray, segment_um: np.ndarray) -> np.ndarray:
         """Excitations per photon of every receptor, (receptors, wavelengths)."""
-        observer, grid = self._observer, self._grid
+        observer, grid = self._viewing.observer, self._grid
         efficiency = np.empty((len(types), len(grid)))
         is_rod = types == ReceptorType.ROD
         if np.any(is_rod):
             efficiency[is_rod] = observer.rod_efficiency(grid)
         fraction = segment_um / float(outer_segment_um(np.zeros(1))[0])
         foveal = observer.quantal_efficiency(grid)
-        if self._segments == "spectral":
+        if self._viewing.segments == "spectral":
             exponent = -np.log(10.0) * observer.absorbances(grid)
             for kind, density in enumerate(observer.optical_densities):
                 chosen = types == kind
@@ -80,7 +78,7 @@ class ReceptorEfficiency:
             efficiency[~is_rod] *= observer.photon_efficiency
             return efficiency
         factor = np.ones(len(types))
-        if self._segments == "mean":
+        if self._viewing.segments == "mean":
             factor = mean_segment_factor(observer, grid, fraction)
         cones = ~is_rod
         efficiency[cones] = foveal[types[cones]] * factor[cones, None]
@@ -92,27 +90,19 @@ class LightCatch(ReceptorEfficiency):
 
     Parameters
     ----------
-    mosaic, image, observer
-        Who looks, at what, with which pigments.
-    segments, has_macular_pigment
-        As in `isetcl.cones.excitations`.
+    mosaic, image, viewing
+        Who looks, at what, with which pigments and behind what.
 
     Raises
     ------
     InvalidInputError
         If the image has fewer than 2 x 2 pixels or 2 wavelengths, uneven pixels, values that are
-        negative or not finite, or macular pigment that would be counted twice.
+        negative or not finite, or macular pigment that would be counted twice; or wavelengths lie
+        in unequal steps, and that is not allowed.
     """
 
-    def __init__(
-        self,
-        mosaic: ConeMosaic,
-        image: RetinalImage,
-        observer: Observer,
-        segments: str = "spectral",
-        has_macular_pigment: bool = True,
-    ) -> None:
-        super().__init__(mosaic, image.wavelengths_nm, observer, segments, has_macular_pigment)
+    def __init__(self, mosaic: ConeMosaic, image: RetinalImage, viewing: Viewing) -> None:
+        super().__init__(mosaic, image.wavelengths_nm, viewing)
         self._image = image
         self._check_image()
         self.apertures = self._apertures()
@@ -131,7 +121,7 @@ class LightCatch(ReceptorEfficiency):
                 f"irradiance must be finite and >= 0 W m^-2 nm^-1, got {worst:g}; clip or mend the "
                 "image first"
             )
-        for step in self._image.steps if self._has_macular else ():
+        for step in self._image.steps if self._viewing.has_macular_pigment else ():
             if isinstance(step.medium, MacularPigment):
                 raise InvalidInputError(
                     f"the image has come through {step.label!r} already, and has_macular_pigment "
