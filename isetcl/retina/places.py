@@ -13,6 +13,7 @@ import numpy as np
 from isetcl.errors import InvalidInputError, check_array, check_type, check_vectors
 from isetcl.eye.model import Eye
 from isetcl.retina.grid import RetinalGrid
+from isetcl.spectrum import Uneven
 from isetcl.units import UM_PER_MM
 
 if TYPE_CHECKING:
@@ -29,6 +30,22 @@ _STEP_DEG = 1e-3
 _NODES = 64
 
 
+class Receptors(Protocol):
+    """What stands at places: each receptor by its own type and pigments."""
+
+    @property
+    def types(self) -> np.ndarray:
+        """Types as numbers, (n,)."""
+        ...
+
+    def efficiencies(self, wavelengths_nm: np.ndarray, uneven_wavelengths: Uneven) -> np.ndarray:
+        """Excitations a second per W m^-2 nm^-1 at each wavelength, (n, wavelengths).
+
+        `uneven_wavelengths` as in `isetcl.spectrum.check_even_or_bins`.
+        """
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Places:
     """Apertures on a retina.
@@ -41,6 +58,8 @@ class Places:
         Radius on the retina, um; of a Gaussian one, where it has fallen to 1/e.
     is_gaussian
         Whether the apertures are Gaussians, and not discs.
+    receptors
+        What stands there, if known: whose noise ``target_error="cone_noise:..."`` means.
 
     Raises
     ------
@@ -51,6 +70,7 @@ class Places:
     positions_deg: np.ndarray
     radius_um: np.ndarray
     is_gaussian: bool = False
+    receptors: Receptors | None = None
 
     def __post_init__(self) -> None:
         at = check_vectors("places: positions_deg", self.positions_deg, width=2)
