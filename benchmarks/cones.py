@@ -1,10 +1,11 @@
 """Excitations of cones: how long many frames take, and rendering at the cones against images.
 
 Two questions. How long do 100 000 cones, 31 wavelengths and 100 frames of an eye that moves take,
-by a drift or by gazes all over the place, which share no pixels? Beside it, in the same run, what a
-user could do with numpy and scipy instead, as ISETBio does: weigh the image by the three pigments,
-blur it by the median aperture, and interpolate it at every cone in every frame; with how far that
-is from the means over the cones' own apertures, and how far single precision is from double.
+by a fixation with drift and microsaccades, or by gazes all over the place, which share no pixels?
+Beside it, in the same run, what a user could do with numpy and scipy instead, as ISETBio does:
+weigh the image by the three pigments, blur it by the median aperture, and interpolate it at every
+cone in every frame; with how far that is from the means over the cones' own apertures, and how far
+single precision is from double.
 
 And which way to the excitations of a still scene is nearer to the truth after the same time: an
 image that all cones look at, or rays traced to the apertures alone? Errors are root mean squares
@@ -29,7 +30,6 @@ from isetcl.cones.viewing import Viewing
 WAVES = np.arange(400.0, 701.0, 10.0)
 EYE = ic.eyes.navarro(pupil_diameter_mm=3.0, accommodation_dpt=1.0)
 SCATTER_DEG = 0.8
-WALK_DEG = 0.002  # a frame, root mean square: about that of a drift in 5 ms
 
 
 def many_frames(cones: int, frames: int, pixels: int, rounds: int) -> dict[str, Any]:
@@ -39,7 +39,7 @@ def many_frames(cones: int, frames: int, pixels: int, rounds: int) -> dict[str, 
     near = np.argsort(mosaic.eccentricity_deg, kind="stable")[:cones]
     mosaic = mosaic.select(np.sort(near))
     random = np.random.default_rng(0)
-    walk = np.cumsum(random.normal(0.0, WALK_DEG, (frames, 2)), axis=0)
+    walk = ic.cones.eye_movements(0.005 * frames, 0.005, seed=1, microsaccades="statistics").path()
     values = random.uniform(1e-4, 1e-3, (len(WAVES), pixels, pixels)).astype(np.float32)
     grid = ic.RetinalGrid.of(EYE, side + 2.0, pixels)
     image = ic.RetinalImage.from_arrays(grid, WAVES, values)

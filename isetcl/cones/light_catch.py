@@ -54,7 +54,8 @@ class ReceptorEfficiency:
         efficiency = self._pigments(types, self._mosaic.outer_segment_um[receptors])
         if self._viewing.has_macular_pigment:
             density = self._viewing.observer.macular_density(grid)
-            efficiency = efficiency * 10.0 ** (-macular_fraction(eccentricity)[:, None] * density)
+            exponent = -np.log(10.0) * density  # exp costs a fraction of a power of ten
+            efficiency *= np.exp(macular_fraction(eccentricity)[:, None] * exponent)
         area_m2 = np.pi * (0.5e-6 * self._mosaic.aperture_um[receptors]) ** 2
         photons = grid / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)
         passed = self._viewing.transmittance(grid)
@@ -161,12 +162,15 @@ class LightCatch(ReceptorEfficiency):
             np.clip(np.floor(v).astype(int), 0, n - 1)
             for v, n in zip((row, column), shape, strict=True)
         )
-        mm = [self._image.dataset[name].values.astype(np.float64) for name in ("x_mm", "y_mm")]
+        mm = [self._image.dataset[name].values for name in ("x_mm", "y_mm")]
         for axis in (1, 0):
-            pixel_mm = np.hypot(*(np.gradient(each, axis=axis) for each in mm))
-            scale.append(pixel_mm[at])
+            after, before = list(at), list(at)
+            after[axis] = np.minimum(at[axis] + 1, shape[axis] - 1)
+            before[axis] = np.maximum(at[axis] - 1, 0)
+            pixels = after[axis] - before[axis]
+            across = (each[tuple(after)] - each[tuple(before)].astype(np.float64) for each in mm)
+            scale.append(np.hypot(*across) / pixels)
         radius_mm = 0.5e-3 * self._mosaic.aperture_um
-        self.pixel_um = 1e3 * np.stack(scale, axis=1)
         return np.stack([column, row, radius_mm / scale[0], radius_mm / scale[1]], axis=1)
 
     @property

@@ -50,6 +50,9 @@ class Viewing:
         check_type("observer", self.observer, Observer)
         check_choice("segments", self.segments, ("spectral", "mean", "none"))
         check_type("has_macular_pigment", self.has_macular_pigment, bool)
+        check_choice("uneven_wavelengths", self.uneven_wavelengths, ("refuse", "bins"))
+        if self.media is not None:
+            check_type("media", self.media, OcularMedia)
 
     def check_wavelengths(self, wavelengths_nm: np.ndarray) -> np.ndarray:
         """A grid that may be summed over, even or by leave; raises InvalidInputError."""

@@ -64,7 +64,8 @@ class Places:
     Raises
     ------
     InvalidInputError
-        If there are none, shapes differ, or a radius is not finite and > 0.
+        If there are none, shapes differ, a radius is not finite and > 0, or receptors are not those
+        of the places.
     """
 
     positions_deg: np.ndarray
@@ -79,6 +80,12 @@ class Places:
             raise InvalidInputError("places: positions_deg must hold at least one place, got none")
         if not (np.all(np.isfinite(at)) and np.all(np.isfinite(radius)) and np.all(radius > 0)):
             raise InvalidInputError("places: positions must be finite and radii finite and > 0")
+        if self.receptors is not None and len(getattr(self.receptors, "types", ())) != len(at):
+            raise InvalidInputError(
+                f"places: receptors must be those of the {len(at)} places, such as "
+                "ConeMosaic.places tells, got an object of type "
+                f"{type(self.receptors).__name__}; leave them out"
+            )
         object.__setattr__(self, "positions_deg", at)
         object.__setattr__(self, "radius_um", np.array(radius))
 
