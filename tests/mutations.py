@@ -276,6 +276,39 @@ MUTATIONS = (
         ),
         cases(8, 10, 11),
     ),
+    Mutation(
+        "periphery as the parafovea",
+        "lattices are no more disordered where cones are far apart",
+        (
+            Edit(
+                "cones/disorder.py",
+                "    return np.maximum(np.interp(six_sided, *_DISORDER_OF_SHARE), near)\n",
+                "    return np.interp(six_sided, *_DISORDER_OF_SHARE) + 0.0 * near\n",
+            ),
+        ),
+        (
+            "tests/test_cone_lattice.py::"
+            "test_peripheral_cones_keep_six_to_eight_micrometres_apart_however_few_they_are",
+        ),
+    ),
+    Mutation(
+        "cones on top of each other",
+        "peripheral cones come nearer than inner segments that touch",
+        (Edit("cones/disorder.py", "_TOUCHING_UM = 6.5", "_TOUCHING_UM = 0.5"),),
+        ("tests/test_cone_lattice.py::test_no_two_peripheral_cones_are_nearer_than_they_can_be",),
+    ),
+    Mutation(
+        "rods of the other eye",
+        "the nasal rods of every eye are those of a left one",
+        (Edit("cones/field.py", "wanted_rods(rods, self.eye,", 'wanted_rods(rods, "left",'),),
+        ("tests/test_rods.py::test_a_field_has_the_rods_of_its_own_eye",),
+    ),
+    Mutation(
+        "rods inside cones",
+        "rods that were pushed into cones are left out",
+        (Edit("cones/rods.py", "_BEYOND_RIM = 1.05", "_BEYOND_RIM = 0.0"),),
+        ("tests/test_rods.py::test_rods_are_as_many_as_wanted_and_stand_clear_of_the_cones",),
+    ),
 )
 
 
