@@ -14,6 +14,7 @@ GAUSSIAN_REACH = 2.6
 _MOST_RECEPTORS = 1 << 18
 _MOST_FRAMES = 1 << 10
 _BLOCK = 8
+_TILE = 32  # pixels
 _LANES = {"single": 16, "double": 8}
 
 
@@ -97,7 +98,8 @@ class ApertureSums:
         places = (rests.astype(self._real), corners.astype(np.int32), padded)
         output = device.allocate(result.size, self._real)
         # An OpenCL kernel does not keep its buffers alive.
-        inputs = [device.upload(each) for each in (*places, *self._lanes_of(groups, shifts))]
+        lanes = self._lanes_of(groups, shifts)
+        inputs = [device.upload(each) for each in (*places, *lanes, _by_tiles(corners))]
         size = (np.int32(self._shape[0]), np.int32(self._shape[1]))
         self._kernel.set_args(self._image, *size, *inputs, np.int32(n), output)
         local = device.work_group_size
@@ -124,6 +126,12 @@ class ApertureSums:
             np.ascontiguousarray(np.moveaxis(lanes, 2, 1), dtype=self._real),
             frames,
         )
+
+
+def _by_tiles(corners: np.ndarray) -> np.ndarray:
+    """Numbers of receptors tile by tile of the image, so that its pixels are still at hand."""
+    tiles = corners // _TILE
+    return np.lexsort((tiles[:, 0], tiles[:, 1])).astype(np.int32)
 
 
 def frame_groups(shifts: np.ndarray, window: np.ndarray, lanes: int) -> list[np.ndarray]:

@@ -159,6 +159,7 @@ INLINE real light_of(global const real8 *pixel, const real8 *efficiency) {
  * reach        of each group: least and greatest shift from there along columns and along rows
  * shifts       of each group, lane by lane: whole columns, whole rows, their rests
  * frames       of each group, lane by lane: number of the frame; some may be the same
+ * order        receptors in the order to take them in: neighbours look at the same pixels
  * excitations  out: frames x receptors
  */
 kernel void cone_excitations(global const real8 *restrict irradiance, const int rows,
@@ -167,10 +168,12 @@ kernel void cone_excitations(global const real8 *restrict irradiance, const int 
                              global const real8 *restrict efficiencies,
                              global const int2 *restrict origins, global const real4 *restrict reach,
                              global const real *restrict shifts, global const int *restrict frames,
-                             const int n_receptors, global real *restrict excitations) {
-  const size_t group = get_global_id(0), receptor = get_global_id(1);
-  if (receptor >= (size_t)n_receptors)
+                             global const int *restrict order, const int n_receptors,
+                             global real *restrict excitations) {
+  const size_t group = get_global_id(0), turn = get_global_id(1);
+  if (turn >= (size_t)n_receptors)
     return;
+  const size_t receptor = order[turn];
   const real4 aperture = apertures[receptor], span = reach[group];
   const int2 at = corners[receptor] + origins[group];
   /* What rounding may move beyond an edge must not be lost. */
