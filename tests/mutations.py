@@ -277,6 +277,33 @@ MUTATIONS = (
         cases(8, 10, 11),
     ),
     Mutation(
+        "cone noise of the mean",
+        "errors are told in units of the noise of a cone in the mean light, wherever they are",
+        (
+            Edit(
+                "validation/work_precision/cone_units.py",
+                "(level * reference[lit])",
+                "(level * level)",
+            ),
+        ),
+        ("tests/test_work_precision_cones.py::test_noise_is_told_in_units_of_cone_noise",),
+    ),
+    Mutation(
+        "narrow intervals",
+        "intervals of errors are a fifth too narrow",
+        (
+            Edit(
+                "validation/work_precision/estimators.py",
+                "wide = math.sqrt(count / (count - 1)) * float(t.ppf(share, count - 1))",
+                "wide = 0.8 * math.sqrt(count / (count - 1)) * float(t.ppf(share, count - 1))",
+            ),
+        ),
+        (
+            "tests/test_work_precision_intervals.py::"
+            "test_intervals_hold_the_truth_95_times_in_100[0.0--0.5-0.1]",
+        ),
+    ),
+    Mutation(
         "periphery as the parafovea",
         "lattices are no more disordered where cones are far apart",
         (
