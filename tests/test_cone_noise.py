@@ -106,6 +106,7 @@ def test_an_aperture_of_the_goal_stands_at_the_places_of_a_mosaic_too():
     # s and m grow with the area: s over the root of m as the diameter.
     assert told[1]["reached"] == pytest.approx(2.0 * told[0]["reached"])
     assert told[0]["of"] == "a foveal cone"
+    assert ConeNoise(0.1).describe()["aperture_um"] == FOVEAL_APERTURE_UM
 
 
 def test_the_goal_counts_cones_only_however_short_the_time():

@@ -55,8 +55,9 @@ class NoiseGoal:
 
     def describe(self, reached: float) -> dict[str, Any]:
         """The goal and what was reached, as plain values, for provenance."""
-        of = "a foveal cone" if self.receptors is None else "the receptors themselves"
-        return asdict(self.goal) | {"of": of, "reached": reached}
+        if self.receptors is None:
+            return self.goal.describe() | {"of": "a foveal cone", "reached": reached}
+        return asdict(self.goal) | {"of": "the receptors themselves", "reached": reached}
 
 
 def _own_receptors(prepared: Plan, goal: ConeNoise) -> OwnReceptors | None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -93,6 +94,15 @@ class ConeNoise:
         ratio, *times = numbers
         return cls(ratio, times[0]) if times else cls(ratio)
 
+    @property
+    def cone_aperture_um(self) -> float:
+        """Diameter of the aperture of the one cone that stands in every pixel, um."""
+        return FOVEAL_APERTURE_UM if self.aperture_um is None else self.aperture_um
+
+    def describe(self) -> dict[str, Any]:
+        """Everything as plain values, the aperture that of the one cone, for provenance."""
+        return asdict(self) | {"aperture_um": self.cone_aperture_um}
+
     def weights(self, wavelengths_nm: np.ndarray) -> np.ndarray:
         """Excitations of L, M and S per W m^-2 nm^-1 at each wavelength, (3, wavelengths).
 
@@ -118,8 +128,7 @@ class ConeNoise:
                 for cone, peak in zip("LMS", FOVEAL_DENSITIES, strict=True)
             ]
         )
-        aperture_um = FOVEAL_APERTURE_UM if self.aperture_um is None else self.aperture_um
-        area_m2 = math.pi * (0.5e-6 * aperture_um) ** 2
+        area_m2 = math.pi * (0.5e-6 * self.cone_aperture_um) ** 2
         photons = seen / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)[known]
         weights = np.zeros((3, len(grid)))
         weights[:, known] = self.integration_time_s * area_m2 * per_photon * photons
