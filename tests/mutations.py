@@ -229,6 +229,42 @@ MUTATIONS = (
         ),
     ),
     Mutation(
+        "photopic cones",
+        "illuminance counts as a fourth type of cone in a goal of cone noise",
+        (
+            Edit(
+                "render/film.py",
+                "self._known(slice(self._photopic + 1, None))",
+                "self._known(slice(self._photopic, None))",
+            ),
+        ),
+        ("tests/test_cone_noise.py::test_the_goal_counts_cones_only_however_short_the_time",),
+    ),
+    Mutation(
+        "light beside apertures",
+        "rounding lets receptors see pixels that their aperture does not reach",
+        (
+            Edit(
+                "kernels/cone_excitations.cl",
+                "          share = share > least ? share : (realv)0;\n",
+                "",
+            ),
+        ),
+        ("tests/test_excitations.py::test_light_beside_an_aperture_does_not_reach_it",),
+    ),
+    Mutation(
+        "shares one by one",
+        "the parts of an aperture of thousands of pixels are added up one by one",
+        (
+            Edit(
+                "kernels/cone_excitations.cl",
+                "          row_shares += share;\n",
+                "          shares += share;\n",
+            ),
+        ),
+        ("tests/test_excitations.py::test_apertures_of_many_pixels_are_summed_in_strips",),
+    ),
+    Mutation(
         "fast relaxed math",
         "kernels are built with -cl-fast-relaxed-math",
         (
