@@ -242,6 +242,7 @@ def main() -> None:
             print(f"  {way}: {ratio:.2g} times as long to the same error")
     if not arguments.small:
         record = {
+            "command": "python benchmarks/cones.py",
             "seconds_in_all": time.perf_counter() - start,
             "load_before": before["load_before"],
             "versions": versions("scipy"),

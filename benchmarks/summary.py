@@ -246,6 +246,37 @@ def mosaic() -> str:
     )
 
 
+def cones() -> str:
+    record = load("cones")
+    many = record["many_frames"]
+    times = [(way, s, many["cpu_seconds"][way]) for way, s in many["seconds"].items()]
+    parts = [
+        "## Excitations of cones\n\n" + where({"command": "python benchmarks/cones.py"} | record),
+        f"{many['cones']} cones, {many['wavelengths']} wavelengths, {many['frames']} frames, an "
+        f"image of {many['pixels']} x {many['pixels']} pixels. Each cone's aperture is summed "
+        "exactly; beside it numpy and scipy weigh the image by the pigments, blur it by the median "
+        "aperture, and interpolate it, which differs by "
+        f"{number(100.0 * many['difference_relative_rms'])} % (r.m.s. of the mean).",
+        table(("", "s", "CPU s"), times),
+        "Rays traced to the apertures (`render(..., at=mosaic)`) against an image that the cones "
+        "look at: root mean square over the cones, relative to their mean, against many samples "
+        "at the apertures with another seed.",
+    ]
+    for name, study in record["error_against_time"].items():
+        rows = [
+            (way, p["spp"], p["seconds"], 100.0 * p["error"])
+            for way, points in study["ways"].items()
+            for p in points
+        ]
+        longer = "; ".join(f"{way}: {number(r)}" for way, r in study["ratios"].items())
+        parts.append(
+            f"{name[0].upper()}{name[1:]}, {study['cones']} cones. Times as long to the smallest "
+            f"error that both ways reach: {longer}."
+        )
+        parts.append(table(("way", "spp", "s", "error, %"), rows))
+    return "\n\n".join(parts)
+
+
 def gradients() -> str:
     record = load("gradients")
     parts = [
@@ -484,6 +515,7 @@ def page() -> str:
         path_features,
         huygens,
         mosaic,
+        cones,
         gradients,
         startup,
         psf_baseline,

@@ -1,5 +1,7 @@
 """The README does what it says."""
 
+import ast
+import importlib.util
 import re
 import runpy
 import shlex
@@ -116,3 +118,20 @@ def test_the_benchmark_tables_are_those_of_the_json_files():
     folder = ROOT / "benchmarks"
     page = runpy.run_path(str(folder / "summary.py"))["page"]()
     assert (folder / "README.md").read_text(encoding="utf-8") == page
+
+
+def test_benchmarks_and_examples_import_what_there_is():
+    # They do not run with the tests, and a name that has moved would break them unnoticed.
+    wanted = {
+        (path.name, node.module, alias.name)
+        for folder in ("benchmarks", "examples")
+        for path in (ROOT / folder).glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("isetcl")
+        for alias in node.names
+    }
+    assert len(wanted) > 40
+    for file, module, name in sorted(wanted):
+        found = importlib.import_module(module)
+        is_module = hasattr(found, "__path__") and importlib.util.find_spec(f"{module}.{name}")
+        assert hasattr(found, name) or is_module, f"{file}: {module}.{name}"
