@@ -183,6 +183,15 @@ def test_uneven_grids_and_oblong_pixels_are_refused(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("value", [-1e-3, np.nan, np.inf])
+def test_light_that_cannot_be_is_not_written(tmp_path, value):
+    image = image_of()
+    image.irradiance.values[3, 2, 5] = value
+    with pytest.raises(InvalidInputError, match=f"finite and >= 0, got an .* of {value:g} W"):
+        image.to_isetbio(tmp_path / "a.mat")
+    assert not list(tmp_path.iterdir())
+
+
 def optical_image(**changes):
     record = {
         "data": {"photons": np.ones((4, 4, 3))},

@@ -160,6 +160,14 @@ def check_image(image: RetinalImage) -> np.ndarray:
     """The wavelengths of an image; raise InvalidInputError if ISETBio cannot have it."""
     check_type("image", image, RetinalImage)
     square_pixels(image)
+    values = image.irradiance.values
+    # A minimum that is NaN fails too.
+    if not (values.min() >= 0 and values.max() < np.inf):
+        worst = values[~(np.isfinite(values) & (values >= 0))][0]
+        raise InvalidInputError(
+            "photons of an optical image must be finite and >= 0, got an irradiance of "
+            f"{worst:g} W m^-2 nm^-1; clip or mend the image first"
+        )
     return check_even("the image", image.wavelengths_nm)
 
 
