@@ -201,6 +201,18 @@ def test_the_strip_of_figure_12_is_half_the_pupil_times_the_step_in_vergence():
     assert strip_half_width_arcmin(4.0) == pytest.approx(np.degrees(2e-3 * 1.5) * 60.0, rel=1e-12)
 
 
+def test_the_noise_of_figure_11_is_known_to_its_standard_error():
+    # An edge: half of the cones catch 400 or 300, the others next to nothing.
+    from isetcl.figures.cone_excitations import variance_over_mean
+
+    mean = np.concatenate([np.full(900, 400.0), np.full(600, 300.0), np.full(1500, 2.0)])
+    drawn = np.random.default_rng(5).poisson(mean, (1000, 3000))
+    ratios, errors = zip(*(variance_over_mean(counts, mean) for counts in drawn), strict=True)
+    # Of 1000: the mean is known to 3 % of the spread, the spread to 2.2 %.
+    assert np.mean(ratios) == pytest.approx(1.0, abs=4 * 0.032 * errors[0])
+    assert np.std(ratios) == pytest.approx(errors[0], rel=4 * 0.0224)
+
+
 def test_the_pawn_of_figure_7_stands_at_the_focus_on_the_axis():
     from isetcl.figures.depth_of_field import FOCUS_M, PAWN, scene_and_distances
 

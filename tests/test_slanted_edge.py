@@ -345,6 +345,13 @@ def test_on_the_axis_a_cycle_per_pixel_is_one_per_pitch():
     )
 
 
+def test_pixels_of_2_8_um_resolve_to_178_cycles_per_mm():
+    # ISETCam's ISO 12233 example: 1 / (2 x 2.8 um) = 178.5714 per mm, whatever the tilt.
+    image = edge_image("gaussian", 1.0, 9.46, (64, 64))[0]
+    found = slanted_edge_mtf(image, pitch_mm=2.8e-3)
+    assert found.frequency_cpmm[-1] == pytest.approx(178.5714, abs=1e-4)
+
+
 def test_photopic_light_is_weighted():
     grid = RetinalGrid(ic.eyes.navarro(4.0), (0.64, 0.64), (64, 64))
     image = retinal_edge(grid)
