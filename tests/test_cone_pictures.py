@@ -245,6 +245,9 @@ def test_a_scene_that_is_missing_is_refused_before_there_is_a_folder(isetcl, tmp
         (["--density", "curcio"], "did you mean curcio1990"),
         (["--movie", "0"], "--movie must be > 0"),
         (["--mp4"], "ask for one with --movie"),
+        (["--fov", "0.4", "--movie", "60"], "as the gaze moves by up to 0.0"),
+        (["--movie", "1e9"], "at most 2 are made at once"),
+        (["--size", "40", "--spp", "8"], "--size, --spp: a saved image is not rendered again"),
     ],
 )
 def test_bad_options_are_refused_before_any_work(isetcl, image, tmp_path, arguments, message):

@@ -123,13 +123,18 @@ def cones(
         raise InvalidInputError(
             "--no-image needs a scene, and leaves no image for --movie, --mat, --lux and --size"
         )
+    if is_image:
+        _check_unused(
+            {"--size": size, "--spp": spp, "--error": error, "--render-time": render_time}
+        )
     focus = inputs.vergence(accommodation)
     options = goal_of(spp, error, render_time) | {"seed": seed, "device": device}
     looking = {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
     looking["media"] = "as_is"  # the lens is the light's own, or left out by --age 0
+    path = np.zeros((1, 2)) if movie is None else _gazes(movie, time, seed)
     try:
         with as_notes():
-            saved = _loaded(source, wanted, mat=mat) if is_image else None
+            saved = _loaded(source, wanted, path, mat=mat) if is_image else None
             seen = None if is_image else _scene(source, eye, pupil, focus, allow_outside)
             check_folder(output)
             mosaic = _mosaic(wanted, seed, device)
@@ -146,7 +151,6 @@ def cones(
             written = _write(found, mosaic, light, output, mat=mat)
             was_interrupted = saved is None and not light.provenance["is_complete"]
             if movie is not None and not was_interrupted:
-                path = _gazes(movie, time, seed)
                 moving = mosaic.excitations(light, 1e-3 * time, gaze_deg=path, **looking)
                 written.append(moving.movie(movie_file))
     except KeyboardInterrupt:
@@ -197,10 +201,22 @@ def _reach(wanted: dict[str, Any], movie: float | None) -> float:
     return float(half + (_MOST_GAZE_DEG if movie is not None else 0.0))
 
 
-def _loaded(source: str, wanted: dict[str, Any], *, mat: bool) -> RetinalImage:
+def _check_unused(given: dict[str, Any]) -> None:
+    """Raise InvalidInputError for options of a render where a saved image is not rendered."""
+    names = [name for name, value in given.items() if value is not None]
+    if names:
+        raise InvalidInputError(
+            f"{', '.join(names)}: a saved image is not rendered again; leave that out, or give the "
+            "scene"
+        )
+
+
+def _loaded(
+    source: str, wanted: dict[str, Any], gaze_deg: np.ndarray, *, mat: bool
+) -> RetinalImage:
     """A saved image; raises, before there is a mosaic, if it does not hold the mosaic's field.
 
-    With `mat` also if ISETBio cannot have it.
+    Nor if the eye looks beyond it, and with `mat` if ISETBio cannot have it.
     """
     image = RetinalImage.load(source)
     if mat:
@@ -210,16 +226,19 @@ def _loaded(source: str, wanted: dict[str, Any], *, mat: bool) -> RetinalImage:
     left, right, bottom, top = image.extent_deg
     half = 0.5 * wanted["fov_deg"]
     (x, y), slack = wanted["centre_deg"], 1e-6
+    low, high = gaze_deg.min(axis=0), gaze_deg.max(axis=0)
     if not (
-        left <= x - half + slack
-        and x + half <= right + slack
-        and bottom <= y - half + slack
-        and y + half <= top + slack
+        left <= x + low[0] - half + slack
+        and x + high[0] + half <= right + slack
+        and bottom <= y + low[1] - half + slack
+        and y + high[1] + half <= top + slack
     ):
+        moves = np.abs(gaze_deg).max()
         raise InvalidInputError(
             f"a mosaic of {wanted['fov_deg']:g} deg at ({x:g}, {y:g}) deg reaches beyond the image "
             f"{source!r}, which spans x {left:.4g} to {right:.4g} and y {bottom:.4g} to {top:.4g} "
-            "deg; choose another --fov or --centre"
+            + (f"deg, as the gaze moves by up to {moves:.2g} " if moves > 0 else "")
+            + "deg; choose another --fov or --centre"
         )
     return image
 
