@@ -629,6 +629,18 @@ def test_bad_input_is_refused(image, options, words):
         mosaic.excitations(image(), **options)
 
 
+@pytest.mark.parametrize(("kind", "low"), [(0, 380.0), (3, 395.0)], ids=["cones", "rods"])
+def test_wavelengths_without_a_pigment_are_refused_before_the_kernel(kind, low, monkeypatch):
+    def no_kernel(*_, **__):
+        raise AssertionError("the kernel was built")
+
+    monkeypatch.setattr("isetcl.device.cone_apertures.ApertureSums", no_kernel)
+    waves = np.arange(low, 701.0, 5.0)
+    image = image_of(np.ones((8, 8)), waves=waves)
+    with pytest.raises(InvalidInputError, match=rf"{low:g} to 700 nm"):
+        mosaic_of(np.zeros((2, 2)), [kind, 1]).excitations(image)
+
+
 def test_instances_beyond_memory_are_refused(monkeypatch):
     made = mosaic_of(np.zeros((3, 2)), [0, 1, 2]).excitations(image_of(np.ones((64, 64))))
     with pytest.raises(InvalidInputError, match="need 12 GiB, and at most 2"):

@@ -39,12 +39,16 @@ class ReceptorEfficiency:
     Raises
     ------
     InvalidInputError
-        If wavelengths lie in unequal steps, and that is not allowed.
+        If wavelengths lie in unequal steps, and that is not allowed, or beyond the pigments.
     """
 
     def __init__(self, mosaic: ConeMosaic, wavelengths_nm: np.ndarray, viewing: Viewing) -> None:
         self._mosaic, self._viewing = mosaic, viewing
         self._grid = viewing.check_wavelengths(wavelengths_nm)
+        # Refuses wavelengths of which the pigments are not known, before any work.
+        viewing.observer.absorbances(self._grid)
+        if np.any(mosaic.types == ReceptorType.ROD):
+            viewing.observer.rod_efficiency(self._grid)
 
     def efficiencies(self, receptors: slice) -> np.ndarray:
         """Excitations a second per W m^-2 nm^-1 at each wavelength, (receptors, wavelengths)."""
