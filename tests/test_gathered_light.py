@@ -83,3 +83,15 @@ def test_kernels_of_retinal_points_keep_all_light(eye):
 def test_a_direction_that_no_light_arrives_from_is_refused(eye):
     with pytest.raises(ic.InvalidInputError, match="field"):
         RetinalPoint(eye, 550.0, (120.0, 0.0))
+
+
+@pytest.mark.parametrize("kind", ["geometric", "geometric_spread"])
+@pytest.mark.parametrize("at", [(-1.0, 3.0), (3.0, -1.0), (-3.0, -1.0), (1.0, -3.0), (-1.0, -3.0)])
+def test_mirrored_positions_have_mirrored_psfs(eye, kind, at):
+    bank = ic.psf_baseline.PsfBank(eye, kind, 0.02, cache=False)
+    found, made = bank.psf(550.0, 0.0, at), psf_kinds()[kind](eye, 550.0, 0.0, 0.02, at)
+    # Rays fill the pupil in a spiral, which a mirror turns the other way.
+    assert np.abs(found.kernel - made.kernel).sum() < 0.02
+    wrong = bank.psf(550.0, 0.0, (3.0, 1.0))
+    assert np.abs(wrong.kernel - made.kernel).sum() > 0.05
+    assert bank.made == 1

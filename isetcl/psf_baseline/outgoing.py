@@ -10,6 +10,7 @@ changes the contrast of checks 1.5 dpt out of focus by 2 %.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -145,12 +146,19 @@ def gathered_deg(
     InvalidInputError
         If no ray passes.
     """
+    return kept(_filling(eye, wavelength_nm, field_deg, count), vergence_dpt)
+
+
+@functools.lru_cache(maxsize=2)
+def _filling(
+    eye: Eye, wavelength_nm: float, field_deg: tuple[float, float], count: int
+) -> Outgoing:
+    """Rays that fill the pupil; they serve all depths, which are asked for one after the other."""
     point = RetinalPoint(eye, wavelength_nm, field_deg)
     i = np.arange(count)
     radius = LARGEST_PUPIL * point.radius_mm * np.sqrt((i + 0.5) / count)
     turn = i * _GOLDEN_TURN
-    rays = point.through(np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1))
-    return kept(rays, vergence_dpt)
+    return point.through(np.stack([radius * np.cos(turn), radius * np.sin(turn)], axis=1))
 
 
 def gathered_fan_deg(
