@@ -145,7 +145,9 @@ def occlusion_error(
     difference = image.irradiance.copy(data=image.irradiance.values - reference.irradiance.values)
     noisy = (reference,) if noise_is_error else (reference, image)
     noise2 = sum(np.square(each.standard_error.values, dtype=np.float64) for each in noisy)
-    freedom = min((_freedom(each) for each in noisy if each.standard_error.values.any()), default=1)
+    freedom = min(
+        (noise_freedom(each) for each in noisy if each.standard_error.values.any()), default=1
+    )
     truth, off, off_noise2 = _photopic(image, reference, noisy)
     photopic_difference = difference.isel(wavelength=0, drop=True).copy(data=off)
     regions = {"strip": strip, "outside": ~strip, "all": np.ones_like(strip)}
@@ -222,7 +224,7 @@ def region_error(
     )
 
 
-def _freedom(image: RetinalImage) -> int:
+def noise_freedom(image: RetinalImage) -> int:
     """Degrees of freedom of an image's standard error; 1, the least, if they are not known."""
     replicates = image.provenance.get("replicates")
     return max(replicates - 1, 1) if isinstance(replicates, int) else 1
