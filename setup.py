@@ -53,6 +53,8 @@ setup(
             "psutil>=5.9",
         ],
         "gpu-fft": ["pyvkfft>=2024.1"],
+        # The program ffmpeg with its H.264 encoder, in a wheel of 20 to 68 MB.
+        "movies": ["imageio-ffmpeg>=0.5.1"],
         "peers": ["batoid>=0.8", "mitsuba>=3.5", "embreex>=2.17", "optiland>=0.6"],
     },
     entry_points={"console_scripts": ["isetcl = isetcl.cli:main"]},

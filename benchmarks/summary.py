@@ -1,4 +1,7 @@
-"""Write benchmarks/README.md from the JSON in benchmarks/results/, so that no number is typed."""
+"""Write benchmarks/README.md, and the README's section, from the JSON in benchmarks/results/.
+
+No number is typed.
+"""
 
 from __future__ import annotations
 
@@ -389,17 +392,23 @@ library, for example Debian's `libllvm19`; plain C needs gcc); a peer that is mi
 This page is written by `python benchmarks/summary.py` from the JSON files in `results/`."""
 
 
+def reaches(target: Record, name: str = "time_to") -> str:
+    """When a method gets to a target, in words."""
+    seconds, how = target.get(f"{name}_s"), target[f"{name}_how"]
+    return how if seconds in (None, "infinite") else f"{number(seconds)} s, {how}"
+
+
 def work_precision() -> str:
     record = load("work_precision")
+    named = ("rmse", "monte_carlo", "bias", "representation", "rounding", "discretisation")
     points = [
         (
             p["method"],
             f"{p['knob']} {p['value']:g}",
             p["time_s"],
-            *(
-                None if p[name] is None else 100.0 * p[name]
-                for name in ("rmse", "monte_carlo", "bias", "rounding", "discretisation")
-            ),
+            p["cpu_median_s"],
+            *(None if p[name] is None else 100.0 * p[name] for name in named),
+            p.get("cone_noise"),
             p["spread"],
         )
         for p in record["points"]
@@ -407,28 +416,58 @@ def work_precision() -> str:
     goals = [
         (
             m["method"],
-            *(
-                t["time_to_how"]
-                if t["time_to_s"] in (None, "infinite")
-                else f"{number(t['time_to_s'])} s, {t['time_to_how']}"
-                for t in m["targets"]
-            ),
+            *(reaches(t) for t in m["targets"]),
+            reaches(m, "cone_time") if "cone_time_how" in m else None,
+            *(t["efficiency_at"] or None for t in m["targets"]),
+            m["targets"][0].get("times_first"),
+            m["slope"],
         )
         for m in record["methods"]
     ]
-    targets = [f"to {100 * t['target']:g} %" for t in record["methods"][0]["targets"]]
-    clock = {"wall": "wall clock", "cpu": "processor time"}[record["provenance"]["time"]]
-    head = ("method", "knob", f"s ({clock})", "rms error (%)", "noise (%)", "bias (%)")
+    firsts = {p["method"]: p for p in reversed(record["points"])}
+    apart = [
+        (m["method"], *(firsts[m["method"]][k] for k in ("first_s", "build_s", "transfer_s")))
+        for m in record["methods"]
+    ]
+    targets = [f"{100 * t['target']:g} %" for t in record["methods"][0]["targets"]]
+    told = record["provenance"]
+    clock = {"wall": "wall clock", "cpu": "processor time"}[told["time"]]
+    head = ("method", "knob", f"s ({clock})", "CPU s", "rms error (%)", "noise (%)", "bias (%)")
+    kinds = ("rounded inputs (%)", "rounding (%)", "discretisation (%)", "of cone noise", "spread")
+    cone = told.get("cone_noise")
+    ratio = "" if cone is None else f"{cone['ratio']:g} of "
     return "\n\n".join(
         [
             "## Error against run time\n\n" + where(record),
             f"Figure 12 of the paper by ray tracing and by PSF methods, relative to the mean of an "
-            f"independent reference ({record['provenance']['reference']}); "
-            f"{record['provenance']['replicates']} replicates. Rounding is the difference of the "
-            "same samples in both precisions, discretisation that of fewer bands or coarser views.",
+            f"independent reference ({told['reference']}); {told['replicates']} replicates. "
+            "Rounding is the difference of the same samples in both precisions, discretisation "
+            "that of fewer bands or coarser views.",
+            *(
+                []
+                if cone is None
+                else [
+                    "In units of cone noise an error is relative to the Poisson noise of a cone in "
+                    f"each pixel, which at the mean has {number(cone['mean_excitations'])} "
+                    f"excitations ({number(1e3 * cone['integration_time_s'])} ms at "
+                    f"{number(cone['illuminance_lux'])} lux): below 0.1 it cannot be seen.",
+                    "![error in units of cone noise](results/work_precision_cones.png)",
+                ]
+            ),
             "![error against run time](results/work_precision.png)",
-            table((*head, "rounding (%)", "discretisation (%)", "spread"), points),
-            table(("time", *targets), goals),
+            table((*head, *kinds), points),
+            table(
+                (
+                    "time",
+                    *(f"to {t}" for t in targets),
+                    f"to {ratio}cone noise",
+                    *(f"efficiency at {t}, 1/s" for t in targets),
+                    f"times the first's time to {targets[0]}",
+                    "slope of the error over the knob",
+                ),
+                goals,
+            ),
+            table(("seconds", "first image", "of it to build", "copies to the device"), apart),
             *record["notes"],
         ]
     )
@@ -456,4 +495,7 @@ def page() -> str:
 
 
 if __name__ == "__main__":
+    import readme
+
+    readme.write()
     (HERE / "README.md").write_text(page(), encoding="utf-8")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from isetcl.errors import FileError, OutOfMemoryError, check_type
+from isetcl.errors import FileError, InvalidInputError, OutOfMemoryError, check_type
 from isetcl.output import replace_file
 
 _MOST_BYTES = (1 << 31) - (1 << 20)
@@ -20,6 +20,8 @@ def write_mat(path: str | Path, variables: dict[str, Any]) -> Path:
 
     Raises
     ------
+    InvalidInputError
+        If the file's name does not end in ``.mat``.
     FileError
         If the file cannot be written.
     OutOfMemoryError
@@ -28,6 +30,10 @@ def write_mat(path: str | Path, variables: dict[str, Any]) -> Path:
     import scipy.io
 
     check_type("path", path, (str, Path))
+    if Path(path).suffix.lower() != ".mat":
+        raise InvalidInputError(
+            f"a MATLAB file must end in .mat, or MATLAB takes it for text; got {str(path)!r}"
+        )
     for name, value in variables.items():
         size = _bytes_of(value)
         if size > _MOST_BYTES:
@@ -37,10 +43,9 @@ def write_mat(path: str | Path, variables: dict[str, Any]) -> Path:
             )
 
     def write(file: Path) -> None:
-        # Without this MATLAB's ending would be put behind a name that has another.
-        scipy.io.savemat(
-            file, variables, do_compression=True, long_field_names=True, appendmat=False
-        )
+        # Opened here: scipy would hide why a file cannot be.
+        with open(file, "wb") as opened:
+            scipy.io.savemat(opened, variables, do_compression=True, long_field_names=True)
 
     return replace_file(path, write)
 
@@ -48,7 +53,8 @@ def write_mat(path: str | Path, variables: dict[str, Any]) -> Path:
 def read_mat(path: str | Path) -> dict[str, Any]:
     """Variables of a MATLAB file, versions 5 to 7.3: dictionaries, arrays and text.
 
-    Arrays keep all their dimensions. What is neither number, text nor structure is left out.
+    Arrays keep all their dimensions and their class in MATLAB. What is neither number, text nor
+    structure is left out.
 
     Raises
     ------
@@ -59,11 +65,14 @@ def read_mat(path: str | Path) -> dict[str, Any]:
 
     check_type("path", path, (str, Path))
     file = Path(path)
+    if file.is_dir():
+        raise FileError(f"file {str(file)!r} is a folder; name the file in it")
     if not file.is_file():
         raise FileError(f"file {str(file)!r} does not exist")
     try:
         try:
-            found = scipy.io.loadmat(file, struct_as_record=True, squeeze_me=False)
+            # MATLAB stores doubles without fractions as integers; their class says what they are.
+            found = scipy.io.loadmat(file, struct_as_record=True, squeeze_me=False, mat_dtype=True)
         except NotImplementedError:
             return _read_hdf5(file)
         return {k: _plain(v) for k, v in found.items() if not k.startswith("__")}
@@ -73,7 +82,7 @@ def read_mat(path: str | Path) -> dict[str, Any]:
         # The readers raise what they like; whatever it is, the file cannot be used.
         raise FileError(
             f"file {str(file)!r} cannot be read as a MATLAB file ({type(error).__name__}: "
-            f"{str(error)[:200]})"
+            f"{str(error)[:200]}); save it in MATLAB, version 5 to 7.3"
         ) from error
 
 
@@ -103,7 +112,8 @@ def _plain(value: np.ndarray) -> Any:
     if value.dtype.kind in "US":
         return "\n".join(str(line) for line in value.ravel())
     if value.dtype == object:
-        return [_plain(np.asarray(each)) for each in value.ravel()]
+        # In place of a structure without fields scipy has None.
+        return [_plain(each) for each in value.ravel() if isinstance(each, np.ndarray)]
     return value
 
 

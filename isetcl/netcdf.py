@@ -48,6 +48,8 @@ def load_dataset(path: str | Path, what: str, make: Callable[[xarray.Dataset], T
 
     check_type("path", path, (str, Path))
     file = Path(path)
+    if file.is_dir():
+        raise FileError(f"file {str(file)!r} is a folder; name the file in it")
     if not file.is_file():
         raise FileError(f"file {str(file)!r} does not exist")
     try:

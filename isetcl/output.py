@@ -41,6 +41,8 @@ def replace_file(path: str | Path, write: Callable[[Path], None]) -> Path:
     """
     check_type("path", path, (str, Path))
     target = Path(path)
+    if not target.name or target.is_dir():
+        raise FileError(f"cannot write {str(target)!r}: it is a folder; name a file in it")
     if not target.parent.is_dir():
         raise FileError(
             f"cannot write {str(target)!r}: there is no folder {str(target.parent)!r}; choose an "
@@ -50,6 +52,8 @@ def replace_file(path: str | Path, write: Callable[[Path], None]) -> Path:
     try:
         write(temporary)
         os.replace(temporary, target)
+    except FileError:  # says already what is wrong
+        raise
     except OSError as error:
         raise FileError(
             f"cannot write {str(target)!r}: {error}; choose an existing, writable folder"

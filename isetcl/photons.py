@@ -47,7 +47,26 @@ def photon_wavelengths(path: str | Path, record: dict[str, Any], *keys: str) -> 
         raise FileError(f"file {str(path)!r}: {error}") from error
 
 
-def photon_cube(path: str | Path, photons: np.ndarray, layers: int) -> np.ndarray:
+def photon_cube(
+    path: str | Path, record: dict[str, Any], keys: tuple[str, ...], layers: int
+) -> np.ndarray:
+    """Photons at a path of fields as (rows, columns, wavelengths).
+
+    Whole numbers are those that ISET stored until about 2014: 0 to 2^n - 1 between the smallest and
+    the largest value, ``dmin`` and ``dmax`` beside them (``ieUncompressData`` of ISETBio).
+
+    Raises
+    ------
+    FileError
+        If there are none, their shape is another, or some are negative or not finite.
+    """
+    values = numbers(path, record, *keys)
+    if values.dtype.kind != "f":
+        values = _expanded(path, values, record, keys[:-1])
+    return checked_cube(path, values, layers)
+
+
+def checked_cube(path: str | Path, photons: np.ndarray, layers: int) -> np.ndarray:
     """Photons as (rows, columns, wavelengths); raise FileError unless they fit and are >= 0."""
     values = photons[..., None] if photons.ndim == 2 else photons
     if values.ndim != 3 or values.shape[2] != layers:
@@ -58,3 +77,22 @@ def photon_cube(path: str | Path, photons: np.ndarray, layers: int) -> np.ndarra
     if not np.all(np.isfinite(values)) or values.min() < 0:
         raise FileError(f"file {str(path)!r}: photons must be finite and >= 0; mend them first")
     return values
+
+
+def _expanded(
+    path: str | Path, stored: np.ndarray, record: dict[str, Any], keys: tuple[str, ...]
+) -> np.ndarray:
+    """Numbers of which an old file keeps whole numbers only."""
+    if stored.dtype not in (np.uint8, np.uint16, np.uint32):
+        raise FileError(
+            f"file {str(path)!r}: photons must be of class single or double, got {stored.dtype}; "
+            "save them as double"
+        )
+    try:
+        low, high = (float(numbers(path, record, *keys, name).item()) for name in ("dmin", "dmax"))
+    except (FileError, ValueError) as error:
+        raise FileError(
+            f"file {str(path)!r}: photons of class {stored.dtype} are compressed, and need the "
+            "numbers dmin and dmax beside them; save them as single or double"
+        ) from error
+    return stored * ((high - low) / np.iinfo(stored.dtype).max) + low

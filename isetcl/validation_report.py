@@ -352,10 +352,15 @@ def _work_precision(is_draft: bool, device: str | None) -> Part:
     caption = "Relative root-mean-square error against time; bars are intervals of 95 %."
     figure, ax = plt.subplots(figsize=(8.0, 5.0), layout="constrained")
     found.plot(ax)
-    picture = Picture(png_of(figure), caption)
+    other, ax = plt.subplots(figsize=(8.0, 5.0), layout="constrained")
+    found.plot(ax, error="cone_noise")
+    pictures: list[Block] = [
+        Picture(png_of(figure), caption),
+        Picture(png_of(other), "The same in units of the Poisson noise of a cone."),
+    ]
     rows = found.rows()
     words: list[Block] = [Text(line) for line in (*found.summary(), *found.notes)]
-    return Part([picture, Table(rows[0], rows[1:]), *words], (), found.record())
+    return Part([*pictures, Table(rows[0], rows[1:]), *words], (), found.record())
 
 
 def _figures(is_draft: bool, device: str | None) -> Part:

@@ -240,6 +240,66 @@ MUTATIONS = (
         ),
         cases(8, 10, 11),
     ),
+    Mutation(
+        "cone noise of the mean",
+        "errors are told in units of the noise of a cone in the mean light, wherever they are",
+        (
+            Edit(
+                "validation/work_precision/cone_units.py",
+                "(level * reference[lit])",
+                "(level * level)",
+            ),
+        ),
+        ("tests/test_work_precision_cones.py::test_noise_is_told_in_units_of_cone_noise",),
+    ),
+    Mutation(
+        "narrow intervals",
+        "intervals of errors are a fifth too narrow",
+        (
+            Edit(
+                "validation/work_precision/estimators.py",
+                "wide = math.sqrt(count / (count - 1)) * float(t.ppf(share, count - 1))",
+                "wide = 0.8 * math.sqrt(count / (count - 1)) * float(t.ppf(share, count - 1))",
+            ),
+        ),
+        (
+            "tests/test_work_precision_intervals.py::"
+            "test_intervals_hold_the_truth_95_times_in_100[0.0--0.5-0.1]",
+        ),
+    ),
+    Mutation(
+        "periphery as the parafovea",
+        "lattices are no more disordered where cones are far apart",
+        (
+            Edit(
+                "cones/disorder.py",
+                "    return np.maximum(np.interp(six_sided, *_DISORDER_OF_SHARE), near)\n",
+                "    return np.interp(six_sided, *_DISORDER_OF_SHARE) + 0.0 * near\n",
+            ),
+        ),
+        (
+            "tests/test_cone_lattice.py::"
+            "test_peripheral_cones_keep_six_to_eight_micrometres_apart_however_few_they_are",
+        ),
+    ),
+    Mutation(
+        "cones on top of each other",
+        "peripheral cones come nearer than inner segments that touch",
+        (Edit("cones/disorder.py", "_TOUCHING_UM = 6.5", "_TOUCHING_UM = 0.5"),),
+        ("tests/test_cone_lattice.py::test_no_two_peripheral_cones_are_nearer_than_they_can_be",),
+    ),
+    Mutation(
+        "rods of the other eye",
+        "the nasal rods of every eye are those of a left one",
+        (Edit("cones/field.py", "wanted_rods(rods, self.eye,", 'wanted_rods(rods, "left",'),),
+        ("tests/test_rods.py::test_a_field_has_the_rods_of_its_own_eye",),
+    ),
+    Mutation(
+        "rods inside cones",
+        "rods that were pushed into cones are left out",
+        (Edit("cones/rods.py", "_BEYOND_RIM = 1.05", "_BEYOND_RIM = 0.0"),),
+        ("tests/test_rods.py::test_rods_are_as_many_as_wanted_and_stand_clear_of_the_cones",),
+    ),
 )
 
 

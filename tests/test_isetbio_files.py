@@ -1,5 +1,9 @@
 """Files of ISETBio: structure, units and photons, by scipy.io and h5py; and what is refused."""
 
+import os
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 import scipy.io
@@ -89,6 +93,62 @@ def test_all_photons_come_back(tmp_path, dtype):
         )
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(
+    shutil.which("octave-cli") is None or "ISETCAM" not in os.environ,
+    reason="needs GNU Octave, and the folder of ISETCam's code in ISETCAM",
+)
+def test_isetcam_itself_reads_the_file(written, tmp_path):
+    image, path = written
+    questions = {
+        "wave": (WAVES, 1e-15),
+        "size": ([12, 16], 0),
+        "hfov": (0.8, 1e-15),
+        "vfov": (0.6, 1e-5),
+        "mean illuminance": (image.illuminance_lux.values.mean(), 1e-6),
+        "sample spacing": (np.full(2, 5e-5 * EYE.field_map().axial_scale_mm_per_deg()), 1e-3),
+        "optics aperture diameter": (1e-3 * EYE.entrance_pupil().diameter_mm, 1e-9),
+        "photons": (
+            np.moveaxis(image.irradiance.values.astype(float), 0, -1) * WAVES * 1e-9 / PHOTON_J_M,
+            1e-6,
+        ),
+    }
+    lines = [f"addpath(genpath('{os.environ['ISETCAM']}')); load('{path}'); oi = opticalimage;"]
+    lines += [f"v{i} = oiGet(oi, '{name}');" for i, name in enumerate(questions)]
+    lines.append(f"save('-v7', '{tmp_path / 'said.mat'}')")
+    subprocess.run(["octave-cli", "-q", "--eval", " ".join(lines)], check=True, timeout=120)
+    said = scipy.io.loadmat(tmp_path / "said.mat")
+    for i, (expected, rtol) in enumerate(questions.values()):
+        found = said[f"v{i}"].reshape(np.shape(expected))
+        np.testing.assert_allclose(found, expected, rtol=rtol)
+
+
+def test_the_middle_of_an_image_is_noted_and_comes_back(tmp_path):
+    # cMosaic.compute lays images on the middle of the mosaic unless 'opticalImagePositionDegs'
+    # says otherwise, which is what the note is for.
+    values = np.random.default_rng(4).uniform(size=(2, 3, 4))
+    grid = ic.RetinalGrid.of(EYE, (0.8, 0.6), (4, 3), (5.0, -2.0))
+    image = ic.RetinalImage.from_arrays(grid, np.array([500.0, 600.0]), values)
+    path = image.to_isetbio(tmp_path / "a.mat")
+    record = scipy.io.loadmat(path)["opticalimage"][0, 0]
+    noted = record["metadata"][0, 0]["centreDeg"]
+    assert noted.shape == (1, 2)
+    np.testing.assert_allclose(noted, [[5.0, -2.0]])
+    back = ic.RetinalImage.from_isetbio(path, EYE)
+    for axis in ("x", "y", "x_mm", "y_mm"):
+        np.testing.assert_allclose(
+            back.dataset[axis].values, image.dataset[axis].values, rtol=1e-6, atol=1e-9
+        )
+    moved = ic.RetinalImage.from_isetbio(path, EYE, centre_deg=(1.0, 0.0))
+    assert moved.dataset["x"].values.mean() == pytest.approx(1.0)
+    scipy.io.savemat(tmp_path / "b.mat", optical_image(metadata=np.zeros((0, 0))))
+    theirs = ic.RetinalImage.from_isetbio(tmp_path / "b.mat", EYE)
+    assert theirs.dataset["x"].values.mean() == pytest.approx(0.0, abs=1e-12)
+    scipy.io.savemat(tmp_path / "c.mat", optical_image(metadata={"centreDeg": 3.0}))
+    with pytest.raises(FileError, match="must hold two numbers, got 1"):
+        ic.RetinalImage.from_isetbio(tmp_path / "c.mat", EYE)
+
+
 def test_a_single_wavelength_comes_back(tmp_path):
     image = image_of(waves=np.array([550.0]))
     back = ic.RetinalImage.from_isetbio(image.to_isetbio(tmp_path / "a.mat"), EYE)
@@ -159,6 +219,26 @@ def test_files_that_are_none_are_refused(tmp_path):
             ic.load_scene(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("path", "error", "message"),
+    [
+        (".", InvalidInputError, r"must end in \.mat"),
+        ("image", InvalidInputError, r"must end in \.mat"),
+        ("taken.mat", FileError, "it is a folder"),
+        (None, InvalidInputError, "path must be a str or Path"),
+    ],
+)
+def test_names_that_no_file_can_have_are_refused(tmp_path, path, error, message):
+    (tmp_path / "taken.mat").mkdir()
+    with pytest.raises(error, match=message):
+        image_of((2, 2), fov_deg=0.1).to_isetbio(None if path is None else tmp_path / path)
+    with pytest.raises(FileError, match="is a folder"):
+        ic.RetinalImage.from_isetbio(tmp_path / "taken.mat", EYE)
+    with pytest.raises(FileError, match="is a folder"):
+        ic.RetinalImage.load(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["taken.mat"]
+
+
 def test_what_the_format_has_no_room_for_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("isetcl.matlab._MOST_BYTES", 1000)
     with pytest.raises(OutOfMemoryError, match="2 GiB a variable"):
@@ -185,69 +265,31 @@ def test_a_mosaic_has_the_fields_that_cmosaic_imports(tmp_path):
     assert np.all(np.diff(factors) < 0)
 
 
+def test_cones_look_where_they_do_in_the_image_that_goes_with_them(tmp_path):
+    # cMosaic.compute takes the image's micrometres for the cones': pixel (row, column) lies at
+    # (column - middle, middle - row) pitches. A ramp in both directions tells where a cone looks.
+    image = image_of((30, 40), fov_deg=(0.8, 0.6))
+    places = np.array([[0.0, 0.0], [0.3, 0.1], [-0.25, 0.2], [0.1, -0.28]])
+    mosaic = ConeMosaic.from_positions(places, [0, 1, 2, 0], spacing_um=3.0)
+    found = scipy.io.loadmat(mosaic.to_isetbio(tmp_path / "m.mat", image=image))
+    oi = scipy.io.loadmat(image.to_isetbio(tmp_path / "i.mat"))["opticalimage"][0, 0]
+    focal_um = 1e6 * oi["optics"][0, 0]["focalLength"].item()
+    pitch_um = 2.0 * focal_um * np.tan(np.radians(oi["wAngular"].item()) / 2) / 40
+    cones = found["coneData"][0, 0]
+    np.testing.assert_allclose(cones["positions"] / pitch_um, places / 0.02, atol=1e-6)
+    assert found["micronsPerDegree"].item() == pytest.approx(pitch_um / 0.02)
+    # Light is gathered on the true area; what blurs the image is as wide as it is in the image.
+    np.testing.assert_allclose(cones["lightGatheringApertureDiameters"].ravel(), 0.79 * 3.0)
+    expected = np.median(mosaic.aperture_deg) * pitch_um / 0.02
+    assert cones["blurApertureDiameterMicrons"].item() == pytest.approx(expected)
+    with pytest.raises(InvalidInputError, match="image must be a RetinalImage"):
+        mosaic.to_isetbio(tmp_path / "n.mat", image="i.mat")
+
+
 def test_a_mosaic_with_rods_is_refused(tmp_path):
     mosaic = ConeMosaic.from_positions([[0.0, 0.0], [1.0, 0.0]], [0, 3], spacing_um=3.0)
     with pytest.raises(InvalidInputError, match="cones only"):
         mosaic.to_isetbio(tmp_path / "m.mat")
-
-
-def simple_scene(tmp_path, **changes):
-    photons = np.zeros((20, 40, 4))
-    photons[:10, :, 0] = 2e15
-    photons[10:, 20:, :] = [1e15, 2e15, 3e15, 4e15]
-    record = {
-        "photons": photons,
-        "wave": np.array([400.0, 500.0, 600.0, 700.0]),
-        "fov": 4.0,
-        "dist": 0.57,
-        "comment": "a test",
-        "illuminant": {"type": "illuminant"},
-    }
-    scipy.io.savemat(tmp_path / "scene.mat", record | changes)
-    return tmp_path / "scene.mat"
-
-
-def test_a_scene_file_is_a_picture_at_its_distance(tmp_path):
-    scene = ic.load_scene(simple_scene(tmp_path))
-    (picture,) = scene.objects
-    width = 2 * 0.57 * np.tan(np.radians(2.0))
-    assert scene.name == "a test"
-    assert picture.shape.corner_m == pytest.approx((-width / 2, -width / 4, -0.57))
-    assert picture.shape.edge_u_m == pytest.approx((width, 0, 0))
-    emission = picture.material
-    waves = np.array([400.0, 500.0, 600.0, 700.0])
-    spectra = np.stack([s.at(waves) for s in emission.spectra()])
-    seen = emission.texture.texels[[5, 15, 15]][[0, 1, 2], [5, 5, 30]] @ spectra
-    photons = np.array([[2e15, 0, 0, 0], [0, 0, 0, 0], [1e15, 2e15, 3e15, 4e15]])
-    np.testing.assert_allclose(seen, photons * PHOTON_J_M / (waves * 1e-9), rtol=3e-3, atol=1e-9)
-
-
-def test_a_scene_structure_is_read_too(tmp_path):
-    record = {
-        "name": "whole",
-        "data": {"photons": np.ones((4, 4, 2)) * 1e15},
-        "spectrum": {"wave": [500.0, 600.0]},
-        "wAngular": 10.0,
-        "distance": 1.2,
-    }
-    scipy.io.savemat(tmp_path / "b.mat", {"scene": record})
-    scene = ic.load_scene(tmp_path / "b.mat")
-    assert scene.name == "whole"
-    assert scene.objects[0].shape.corner_m[2] == pytest.approx(-1.2)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"fov": 0.0}, "fov must be between 0 and 180"),
-        ({"dist": -1.0}, "dist must be a number > 0"),
-        ({"wave": [400.0, 500.0, 600.0, 650.0]}, "equal steps"),
-        ({"wave": [400.0, 500.0]}, "shape"),
-    ],
-)
-def test_scenes_that_cannot_be_are_refused(tmp_path, changes, message):
-    with pytest.raises(FileError, match=message):
-        ic.load_scene(simple_scene(tmp_path, **changes))
 
 
 def test_an_optical_image_is_no_scene(tmp_path, written):

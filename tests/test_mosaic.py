@@ -200,11 +200,6 @@ def test_other_files_are_refused(tmp_path):
             ConeMosaic.load(tmp_path / name)
 
 
-def test_rods_that_are_no_function_are_refused_by_name():
-    with pytest.raises(InvalidInputError, match=r"rods must be a function.*'curcio1990'.*no rod"):
-        ic.cones.mosaic(0.1, rods="curcio1990")
-
-
 def test_densities_on_meridians_are_those_of_the_retina_wherever_the_eye_looks():
     from isetcl.cones.quality import meridian_density
 

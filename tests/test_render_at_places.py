@@ -6,7 +6,7 @@ from scipy.special import erf
 
 import isetcl as ic
 from isetcl.cones import ConeMosaic
-from isetcl.errors import InvalidInputError, OutOfMemoryError
+from isetcl.errors import FileError, InvalidInputError, OutOfMemoryError
 from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.plan import plan
 from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid, Places, mean_and_error
@@ -223,6 +223,44 @@ def test_errors_of_weighted_sums_count_what_wavelengths_share_once():
     expected = shared[:, 0].std(axis=0, ddof=1) / np.sqrt(6)
     np.testing.assert_allclose(light.standard_error.values[0], expected, rtol=1e-12)
     assert np.isnan(mean_and_error(shared[:1], np.array([8]))[1]).all()
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_light_at_places_is_saved_whole(tmp_path, dtype):
+    rng = np.random.default_rng(3)
+    places = Places(rng.normal(size=(5, 2)), rng.uniform(1.0, 4.0, 5), is_gaussian=True)
+    values = rng.uniform(size=(3, 2, 5)).astype(dtype)
+    made = {"seed": 7, "eye": {"name": "navarro"}}
+    light = IrradianceAtPlaces.from_replicates(
+        places, np.array([500.0, 600.0]), values, np.array([8, 8, 16]), made
+    )
+    back = IrradianceAtPlaces.load(light.save(tmp_path / "light.nc"))
+    assert back.dataset.identical(light.dataset)
+    assert {name: back.dataset[name].dtype for name in back.dataset.variables} == {
+        name: light.dataset[name].dtype for name in light.dataset.variables
+    }
+    assert back.provenance == made
+    weights = rng.uniform(size=(5, 2))
+    np.testing.assert_array_equal(back.weighted(weights), light.weighted(weights))
+    # A mosaic with the same places and radii, but apertures of another shape, is not what was lit.
+    mosaic = ConeMosaic.from_positions(places.positions_deg, np.zeros(5, int), spacing_um=3.0)
+    same = Places(mosaic.positions_deg, 0.5 * mosaic.aperture_um, is_gaussian=True)
+    light = IrradianceAtPlaces.from_replicates(
+        same, np.array([500.0, 600.0]), values, np.array([8, 8, 16]), made
+    )
+    with pytest.raises(InvalidInputError, match="not those of this mosaic"):
+        mosaic.excitations(light)
+
+
+def test_files_without_light_at_places_are_refused(tmp_path):
+    image = ic.RetinalImage.from_arrays(
+        ic.RetinalGrid.of(EYE, 1.0, 4), np.array([500.0, 600.0]), np.ones((2, 4, 4))
+    )
+    image.save(tmp_path / "image.nc")
+    with pytest.raises(FileError, match="holds no irradiance at places"):
+        IrradianceAtPlaces.load(tmp_path / "image.nc")
+    with pytest.raises(FileError, match="does not exist"):
+        IrradianceAtPlaces.load(tmp_path / "missing.nc")
 
 
 def test_a_list_that_does_not_fit_is_refused_beforehand(monkeypatch):

@@ -49,6 +49,7 @@ _SIZE_HELP = (
 _NO_IMAGE_HELP = (
     "Trace rays to the cones alone, without an image: no --movie, --mat, --lux and --size."
 )
+_MP4_HELP = "Write the movie as MP4, not as GIF; needs isetcl's extra 'movies' or ffmpeg."
 _MOVIE_HELP = "Also write a fixation as a movie: its length, ms."
 
 
@@ -83,9 +84,7 @@ def cones(
     ] = None,
     no_image: Annotated[bool, typer.Option("--no-image", help=_NO_IMAGE_HELP)] = False,
     movie: Annotated[float | None, typer.Option(metavar="MS", help=_MOVIE_HELP)] = None,
-    mp4: Annotated[
-        bool, typer.Option("--mp4", help="Write the movie as MP4 (needs ffmpeg), not as GIF.")
-    ] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help=_MP4_HELP)] = False,
     mat: Annotated[
         bool, typer.Option("--mat", help="Also write image and mosaic for ISETBio.")
     ] = False,
@@ -103,17 +102,19 @@ def cones(
 ) -> None:
     """Make a mosaic of cones, let it look at a scene or an image, and count its excitations.
 
-    Prints means by type, and writes excitations.nc, mosaic.nc, retina.nc, pictures and, on request,
-    files for ISETBio and a movie of a fixation. Ctrl-C ends the render of a scene early and goes on
-    with the image so far.
+    Prints means by type, and writes excitations.nc, mosaic.nc, retina.nc (light.nc where there is
+    no image), pictures and, on request, files for ISETBio and a movie of a fixation. Ctrl-C ends
+    the render of a scene early and goes on with the image so far.
     """
-    from isetcl.cones.excitation_pictures import check_movie
+    from isetcl.cones.movies import check_movie
     from isetcl.output import check_folder
 
     if size is not None:
         check_count("--size", size, 2)
     wanted = _checked(fov, centre, density, time, dark, lux, age)
     movie_file = output / ("fixation.mp4" if mp4 else "fixation.gif")
+    if mp4 and movie is None:
+        raise InvalidInputError("--mp4 says how to write a movie; ask for one with --movie MS")
     if movie is not None:
         check_positive("--movie", movie, "ms")
         check_movie(movie_file)
@@ -127,7 +128,7 @@ def cones(
     looking = {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
     try:
         with as_notes():
-            saved = _loaded(source, wanted) if is_image else None
+            saved = _loaded(source, wanted, mat=mat) if is_image else None
             seen = None if is_image else _scene(source, eye, pupil, focus, allow_outside)
             check_folder(output)
             mosaic = _mosaic(wanted, seed, device)
@@ -195,9 +196,16 @@ def _reach(wanted: dict[str, Any], movie: float | None) -> float:
     return float(half + (_MOST_GAZE_DEG if movie is not None else 0.0))
 
 
-def _loaded(source: str, wanted: dict[str, Any]) -> RetinalImage:
-    """A saved image; raises, before there is a mosaic, if it does not hold the mosaic's field."""
+def _loaded(source: str, wanted: dict[str, Any], *, mat: bool) -> RetinalImage:
+    """A saved image; raises, before there is a mosaic, if it does not hold the mosaic's field.
+
+    With `mat` also if ISETBio cannot have it.
+    """
     image = RetinalImage.load(source)
+    if mat:
+        from isetcl.retina.isetbio import check_image
+
+        check_image(image)
     left, right, bottom, top = image.extent_deg
     half = 0.5 * wanted["fov_deg"]
     (x, y), slack = wanted["centre_deg"], 1e-6
@@ -295,7 +303,9 @@ def _write(
         written.append(light.save(folder / "retina.nc"))
         if mat:
             written.append(light.to_isetbio(folder / "opticalimage.mat"))
-            written.append(mosaic.to_isetbio(folder / "mosaic.mat"))
+            written.append(mosaic.to_isetbio(folder / "mosaic.mat", image=light))
+    else:
+        written.append(light.save(folder / "light.nc"))
     return written + _pictures(found, mosaic, folder)
 
 

@@ -14,6 +14,7 @@ from isetcl.cones.excitations import Excitations, excitations
 from isetcl.cones.eye_movements import DriftModel, EyeMovements, eye_movements
 from isetcl.cones.field import MosaicEstimate
 from isetcl.cones.generate import estimate_mosaic, mosaic
+from isetcl.cones.melanopsin import melanopic_irradiance
 from isetcl.cones.microsaccades import Microsaccades
 from isetcl.cones.observer import Observer
 from isetcl.cones.outer_segment import OuterSegment
@@ -41,6 +42,7 @@ __all__ = [
     "excitations",
     "excitations_of_turning_eye",
     "eye_movements",
+    "melanopic_irradiance",
     "mosaic",
     "photocurrent",
 ]

@@ -45,7 +45,8 @@ def _check_same(mosaic: ConeMosaic, light: IrradianceAtPlaces) -> None:
     data, n = light.dataset, light.irradiance.shape[1]
     at = np.stack([data["x_deg"].values, data["y_deg"].values], axis=1)
     is_same = n == len(mosaic) and bool(
-        np.allclose(at, mosaic.positions_deg, rtol=0, atol=1e-9)
+        data.attrs.get("aperture_shape", mosaic.aperture_shape) == mosaic.aperture_shape
+        and np.allclose(at, mosaic.positions_deg, rtol=0, atol=1e-9)
         and np.allclose(data["radius_um"].values, 0.5 * mosaic.aperture_um, rtol=1e-9)
     )
     if not is_same:

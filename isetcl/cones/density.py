@@ -141,7 +141,7 @@ class ConeDensity:
         self.check_range(float(arc.min()), float(arc.max()))
         try:
             values = self.at(places_mm)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, ArithmeticError) as error:
             raise InvalidInputError(
                 "density must be a function of arrays (x_deg, y_deg) that returns cones per mm^2 "
                 f"for each; {self.name} fails: {error}"
@@ -184,13 +184,18 @@ def by_meridians(tables: dict[Meridian, Table], places_mm: np.ndarray, eye: str)
     turns = np.arctan2(places_mm[:, 1], to_nasal) / (math.pi / 2.0) % 4.0
     first = np.minimum(np.floor(turns).astype(np.intp), 3)
     share = turns - first
-    along = np.stack(
-        [np.interp(arc, *tables[m], left=np.nan, right=np.nan) for m in MERIDIANS], axis=0
-    )
+    along = np.stack([_along(tables[m], arc) for m in MERIDIANS], axis=0)
     each = np.arange(len(arc))
     before, after = along[first, each], along[(first + 1) % 4, each]
     # A place on a meridian asks nothing of the next one.
     return np.where(share == 0.0, before, before + share * (after - before))
+
+
+def _along(table: Table, arc_mm: np.ndarray) -> np.ndarray:
+    """Densities along a meridian; what rounding put beyond an end of the table lies at it."""
+    near = np.clip(arc_mm, table[0][0], table[0][-1])
+    is_known = np.abs(near - arc_mm) <= 1e-9 * table[0][-1]
+    return np.where(is_known, np.interp(near, *table), np.nan)
 
 
 def on_meridian(meridian: Meridian, eccentricity_deg: np.ndarray, eye: str) -> np.ndarray:

@@ -1,25 +1,21 @@
-"""Pictures of excitations: maps over the mosaic, profiles along a line, and movies."""
+"""Pictures of excitations: maps over the mosaic and profiles along a line."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from isetcl.cones.excitations import Excitations
-from isetcl.cones.pictures import COLOURS, MOST_DISCS
-from isetcl.cones.receptors import ReceptorType
+from isetcl.cones.pictures import COLOURS, add_discs, axes_or_new, name_of, name_types
+from isetcl.cones.receptors import APERTURE_TO_SPACING, ReceptorType
 from isetcl.errors import (
     InvalidInputError,
     check_choice,
     check_count,
     check_finite,
     check_positive,
-    check_type,
 )
-from isetcl.output import replace_file
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +24,9 @@ if TYPE_CHECKING:
 Shown = Literal["mean", "counts"]
 Colour = Literal["excitation", "type"]
 
-_MOST_FRAMES = 2000
+GROUND = "#2b2f3a"
+"""Colour between receptors: no grey, so that it is not taken for excitations."""
+
 _DARKEST = 0.06  # of a type's colour: where nothing is excited the receptor is still seen
 _MARKERS = {ReceptorType.L: "o", ReceptorType.M: "^", ReceptorType.S: "s", ReceptorType.ROD: "."}
 
@@ -58,29 +56,21 @@ def plot_excitations(
     most
         Excitations shown brightest; None is the largest of the frame. For one scale only.
     """
-    import matplotlib.pyplot as plt
-
-    values = _values(excitations, shown)[check_frame(excitations, frame)]
+    values = values_of(excitations, shown)[check_frame(excitations, frame)]
     check_choice("colour", colour, ("excitation", "type"))
-    if ax is not None and not hasattr(ax, "add_collection"):
-        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
-    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    axes = axes_or_new(ax)
+    drawn = add_receptors(axes, excitations)
     if colour == "type":
-        drawn = _add_receptors(axes, excitations)
         drawn.set_facecolor(_type_colours(excitations, values).tolist())
-        for kind in np.unique(excitations.types):
-            largest = values[excitations.types == kind].max()
-            name = ReceptorType(kind).name
-            label = f"{name}, up to {largest:.3g}"
-            axes.scatter([], [], s=40, c=COLOURS[ReceptorType(kind)], lw=0, label=label)
-        axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
+        kinds = [ReceptorType(kind) for kind in np.unique(excitations.types)]
+        most_of = {kind: values[excitations.types == kind].max() for kind in kinds}
+        name_types(axes, {k: f"{name_of(k)}, up to {most_of[k]:.3g}" for k in kinds})
     else:
-        drawn = _add_receptors(axes, excitations)
         drawn.set_array(values)
         drawn.set_cmap("gray")
         largest = float(values.max()) if most is None else check_positive("most", most)
         drawn.set_clim(0.0, largest or 1.0)
-        axes.figure.colorbar(drawn, ax=axes, label=_label(excitations), shrink=0.85)
+        axes.figure.colorbar(drawn, ax=axes, label=label_of(excitations), shrink=0.85)
     return axes
 
 
@@ -107,12 +97,10 @@ def plot_profile(
     frame, shown
         As in `plot_excitations`; noisy by default, with the means as fine dots.
     """
-    import matplotlib.pyplot as plt
-
     number = check_frame(excitations, frame)
-    values = _values(excitations, shown)[number]
+    values = values_of(excitations, shown)[number]
     on_line = line(excitations, y_deg, width_deg)
-    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
+    axes = axes_or_new(ax)
     x = excitations.dataset["x_deg"].values
     mean = excitations.mean.values[number]
     for kind in ReceptorType:
@@ -126,7 +114,7 @@ def plot_profile(
             axes.plot(x[order], mean[order], ".", ms=2.5, color="k", alpha=0.6)
     if shown == "counts":
         axes.plot([], [], ".", ms=2.5, color="k", label="mean")
-    axes.set(xlabel="visual field, x (deg)", ylabel=_label(excitations), ylim=(0, None))
+    axes.set(xlabel="visual field, x (deg)", ylabel=label_of(excitations), ylim=(0, None))
     axes.grid(True, lw=0.4, alpha=0.7)
     axes.legend(frameon=False)
     return axes
@@ -157,101 +145,20 @@ def line(
     return np.asarray(chosen)
 
 
-def write_movie(
-    excitations: Excitations,
-    path: str | Path,
-    *,
-    shown: Shown = "mean",
-    frames_per_s: int = 20,
-    width_px: int = 480,
-) -> Path:
-    """Write the frames as a movie, GIF or MP4 by the suffix; returns the path.
-
-    Parameters
-    ----------
-    path
-        ``.gif``, or ``.mp4``, which needs the program ffmpeg.
-    shown
-        ``"mean"``, or ``"counts"`` for noisy instances.
-    frames_per_s
-        Speed of the movie; the time of the excitations is written above.
-    width_px
-        Width of the movie, pixels.
-
-    Raises
-    ------
-    InvalidInputError
-        If there are more than 2000 frames, or the suffix is another, or MP4 without ffmpeg.
-    FileError
-        If the file cannot be written.
-    """
-    check_type("path", path, (str, Path))
-    target = Path(path)
-    check_movie(target)
-    values = _values(excitations, shown)
-    if len(values) > _MOST_FRAMES:
-        raise InvalidInputError(
-            f"a movie has at most {_MOST_FRAMES} frames, got {len(values)}; take every n-th"
-        )
-    speed = check_count("frames_per_s", frames_per_s, 1, 50)
-    width = check_count("width_px", width_px, 100, 4000)
-    return replace_file(target, lambda file: _write_frames(excitations, values, file, speed, width))
-
-
-def check_movie(path: Path) -> None:
-    """Raise InvalidInputError unless movies of this suffix can be written here."""
-    suffix = path.suffix.lower()
-    if suffix not in (".gif", ".mp4"):
-        raise InvalidInputError(f"a movie must end in .gif or .mp4, got {path.name!r}")
-    if suffix == ".mp4":
-        from matplotlib.animation import FFMpegWriter
-
-        if not FFMpegWriter.isAvailable():
-            raise InvalidInputError(
-                f"movie {path.name!r}: MP4 needs the program ffmpeg, which is not installed; "
-                f"write {path.stem + '.gif'!r} instead"
-            )
-
-
 def check_frame(excitations: Excitations, frame: int) -> int:
     """The number of a frame; raise InvalidInputError where there is none."""
     return check_count("frame", frame, 0, len(excitations.mean) - 1)
 
 
-def _write_frames(
-    excitations: Excitations, values: np.ndarray, path: Path, speed: int, width_px: int
-) -> None:
-    from matplotlib.animation import FFMpegWriter, PillowWriter
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6.0, 5.0), dpi=width_px / 6.0)
-    FigureCanvasAgg(figure)
-    axes = figure.add_axes((0.13, 0.12, 0.7, 0.78))
-    drawn = _add_receptors(axes, excitations)
-    drawn.set_cmap("gray")
-    drawn.set_clim(0.0, float(values.max()) or 1.0)
-    scale = figure.add_axes((0.86, 0.12, 0.03, 0.78))
-    figure.colorbar(drawn, cax=scale, label=_label(excitations))
-    writer: Any = PillowWriter(fps=speed) if path.suffix.lower() == ".gif" else FFMpegWriter(speed)
-    with writer.saving(figure, str(path), figure.dpi):
-        for time_s, frame in _frames(excitations, values):
-            drawn.set_array(frame)
-            axes.set_title(f"{1e3 * time_s:.0f} ms", fontsize="medium")
-            writer.grab_frame()
-
-
-def _frames(excitations: Excitations, values: np.ndarray) -> Iterator[tuple[float, np.ndarray]]:
-    yield from zip(excitations.dataset["time_s"].values.tolist(), values, strict=True)
-
-
-def _values(excitations: Excitations, shown: Shown) -> np.ndarray:
+def values_of(excitations: Excitations, shown: Shown) -> np.ndarray:
+    """Means or a noisy instance, (frame, receptor)."""
     check_choice("shown", shown, ("mean", "counts"))
     found = excitations.mean if shown == "mean" else excitations.counts
     return np.asarray(found.values, dtype=np.float64)
 
 
-def _label(excitations: Excitations) -> str:
+def label_of(excitations: Excitations) -> str:
+    """What the numbers are, for an axis."""
     return f"excitations in {1e3 * excitations.integration_time_s:g} ms"
 
 
@@ -271,40 +178,17 @@ def _type_colours(excitations: Excitations, values: np.ndarray) -> np.ndarray:
 def _diameters(excitations: Excitations) -> np.ndarray:
     if "aperture_deg" not in excitations.dataset.coords:
         raise InvalidInputError(
-            "these excitations do not tell the apertures; pass width_deg, or make them anew"
+            "these excitations do not tell the apertures; make them anew (a profile can do with "
+            "width_deg)"
         )
     return np.asarray(excitations.dataset["aperture_deg"].values)
 
 
-def _add_receptors(axes: Axes, excitations: Excitations) -> Collection:
-    """Receptors without colours, on a dark ground; beyond 30 000 only their middles."""
-    from matplotlib.collections import EllipseCollection
-
+def add_receptors(axes: Axes, excitations: Excitations) -> Collection:
+    """Receptors without colours, on a dark ground."""
     data = excitations.dataset
     places = np.stack([data["x_deg"].values, data["y_deg"].values], axis=1)
-    drawn: Collection
-    if len(places) > MOST_DISCS or "aperture_deg" not in data.coords:
-        size = float(np.clip(2e5 / len(places), 0.05, 20.0))
-        drawn = axes.scatter(places[:, 0], places[:, 1], s=size, lw=0)
-    else:
-        # As wide as the receptors are apart, so that the map has no gaps.
-        width = _diameters(excitations) / 0.79
-        drawn = EllipseCollection(
-            width,
-            width,
-            np.zeros(len(places)),
-            units="xy",
-            offsets=places,
-            offset_transform=axes.transData,
-            linewidth=0,
-        )
-        axes.add_collection(drawn)
-    axes.set_facecolor("0.1")
-    axes.set_aspect("equal")
-    low, high = places.min(axis=0), places.max(axis=0)
-    margin = 0.02 * float((high - low).max()) or 0.01
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    axes.set_xlabel("visual field, x (deg)")
-    axes.set_ylabel("visual field, y (deg)")
-    return drawn
+    # About as wide as the receptors are apart, so that the map has no gaps.
+    width = _diameters(excitations) / APERTURE_TO_SPACING
+    axes.set_facecolor(GROUND)
+    return add_discs(axes, places, width, "visual field, {} (deg)")

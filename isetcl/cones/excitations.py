@@ -176,8 +176,8 @@ class Excitations:
         return plot_profile(self, ax, **options)
 
     def movie(self, path: str | Path, **options: Any) -> Path:
-        """Write the frames as a GIF or MP4; see `excitation_pictures.write_movie`."""
-        from isetcl.cones.excitation_pictures import write_movie
+        """Write the frames as a GIF or MP4; see `movies.write_movie`."""
+        from isetcl.cones.movies import write_movie
 
         return write_movie(self, path, **options)
 

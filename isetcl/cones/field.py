@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from isetcl.cones.density import ConeDensity, DensityFunction, in_optic_disc
-from isetcl.cones.lattice import Sector, relaxed, rings
+from isetcl.cones.disorder import Disorder, least_distance_mm, measured_disorder
+from isetcl.cones.lattice import Sector, parted, relaxed, rings, spacing_of
 from isetcl.cones.mosaic import Side, check_fov
 from isetcl.cones.retinal_scale import RetinalScale
+from isetcl.cones.rod_density import RodDensity, check_known, wanted_rods
 from isetcl.device.lattice import LatticeKernels
 from isetcl.errors import InvalidInputError, check_choice, check_pair
 from isetcl.eye.model import Eye
@@ -32,7 +34,7 @@ class MosaicEstimate:
     n_cones
         Cones expected in the field, the optic disc not left out.
     n_rods
-        Rods expected in it and its margin.
+        Rods expected in it.
     memory_bytes
         Memory its making takes at most.
     """
@@ -106,6 +108,13 @@ class Field:
                 "it, or pass has_optic_disc=False"
             )
 
+    def rods(self, rods: RodDensity) -> DensityFunction | None:
+        """Rods per mm^2 at directions in degrees; see `isetcl.cones.rod_density.wanted_rods`."""
+        wanted = wanted_rods(rods, self.eye, self.scale)
+        if wanted is not None and not callable(rods):
+            check_known(float(np.hypot(*self.scale.to_mm(self.grid_deg()).T).max()))
+        return wanted
+
     def estimate(self, rods: DensityFunction | None = None) -> MosaicEstimate:
         """Cones in the field by the trapezoidal rule, and memory for what is made around it.
 
@@ -114,18 +123,22 @@ class Field:
         at = self.scale.to_mm
         n_cones = self._total(self.at(at(self.grid_deg())), 0.0)
         around = self._total(self.at(at(self.grid_deg(self.margin_deg))), self.margin_deg)
-        n_rods = 0.0
-        if rods is not None:
-            deg = self.grid_deg(self.margin_deg)
-            wanted = np.broadcast_to(np.asarray(rods(deg[:, 0], deg[:, 1]), float), len(deg))
-            n_rods = self._total(wanted, self.margin_deg)
+        n_rods, rods_around = (self._rods_in(rods, margin) for margin in (0.0, self.margin_deg))
         # The rings are made all round the fovea and cropped: places and little else.
         sector = self.sector()
         area = 0.5 * (sector.last_rad - sector.first_rad) * (sector.high_mm**2 - sector.low_mm**2)
         share = self._total(np.ones(_GRID**2), self.margin_deg) / area
-        whole = (around + n_rods) / min(share, 1.0)
-        memory = _BYTES_PER_CONE * (around + n_rods) + _BYTES_OF_A_START * whole + 2e8
+        whole = (around + rods_around) / min(share, 1.0)
+        memory = _BYTES_PER_CONE * (around + rods_around) + _BYTES_OF_A_START * whole + 2e8
         return MosaicEstimate(round(n_cones), round(n_rods), memory)
+
+    def _rods_in(self, rods: DensityFunction | None, margin_deg: float) -> float:
+        """Rods in the field widened by a margin, by the trapezoidal rule."""
+        if rods is None:
+            return 0.0
+        deg = self.grid_deg(margin_deg)
+        wanted = np.broadcast_to(np.asarray(rods(deg[:, 0], deg[:, 1]), float), len(deg))
+        return self._total(wanted, margin_deg)
 
     def _total(self, per_mm2: np.ndarray, margin_deg: float) -> float:
         """The integral over the field of a density on `grid_deg`, (n,)."""
@@ -156,13 +169,23 @@ class Field:
             return self.density.per_mm2(places_mm)
         return self.density.per_mm2(places_mm * np.where(arc > 0, clipped, 1.0)[:, None])
 
-    def lattice(self, kernels: LatticeKernels, disorder: float, seed: int) -> np.ndarray:
+    def lattice(self, kernels: LatticeKernels, disorder: Disorder, seed: int) -> np.ndarray:
         """Places of cones in the field and its margin, (n, 2), mm."""
         start = rings(self.density, self.sector(), seed)
         deg = self.scale.to_deg(start)
         near = self.holds(deg, self.margin_deg)
-        is_fixed = ~self.holds(deg[near], 0.5 * self.margin_deg)
-        return relaxed(start[near], self.at, is_fixed, kernels, disorder, seed)
+        start, deg = start[near], deg[near]
+        is_fixed = ~self.holds(deg, 0.5 * self.margin_deg)
+        if disorder != "measured":
+            return relaxed(start, self.at, is_fixed, kernels, disorder, seed)
+        spacing = self.spacing_mm(start)
+        spread = measured_disorder(np.hypot(*deg.T), spacing)
+        places = relaxed(start, self.at, is_fixed, kernels, spread, seed)
+        return parted(places, least_distance_mm(spacing), is_fixed, kernels)
+
+    def spacing_mm(self, places_mm: np.ndarray) -> np.ndarray:
+        """Spacing of a hexagonal lattice of the density at places (n, 2), mm; in the margin too."""
+        return spacing_of(self.at(places_mm))
 
     def describe(self) -> dict[str, Any]:
         """Plain values for provenance."""

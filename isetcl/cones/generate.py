@@ -9,6 +9,7 @@ import numpy as np
 
 from isetcl.cones.cone_types import SFraction, assign_types, check_ratios
 from isetcl.cones.density import DensityFunction, in_optic_disc
+from isetcl.cones.disorder import Disorder, check_disorder
 from isetcl.cones.field import Field, MosaicEstimate
 from isetcl.cones.mosaic import ConeMosaic, Side
 from isetcl.cones.receptors import (
@@ -19,21 +20,14 @@ from isetcl.cones.receptors import (
     neighbour_spacing,
     outer_segment_um,
 )
-from isetcl.cones.rods import ROD_OUTER_SEGMENT_UM, check_rods, rods_between
+from isetcl.cones.rod_density import RodDensity
+from isetcl.cones.rods import ROD_DISORDER, ROD_OUTER_SEGMENT_UM, check_rods, rods_between
 from isetcl.device.choose import find_device
 from isetcl.device.lattice import LatticeKernels
 from isetcl.device.layout import Precision
 from isetcl.errors import InvalidInputError, check_between, check_choice, check_count
 from isetcl.eye.model import Eye
 from isetcl.version import __version__
-
-DISORDER = 0.18
-"""Relative spread of the cones' sizes that makes half of them six-sided.
-
-Measured at 0.2 to 1.05 mm: 40 to 50 %, fewer farther out (Lombardo, Serrao, Ducoli & Lombardo
-2013); cones missed in the images make it less than it is. So a mosaic is at the regular end of
-what was measured in the parafovea, and more regular than measured in the periphery.
-"""
 
 
 def mosaic(
@@ -45,12 +39,12 @@ def mosaic(
     ratios: Sequence[float] = (0.6, 0.3, 0.1),
     s_free_radius_deg: float = 0.15,
     s_fraction: SFraction | None = None,
-    disorder: float = DISORDER,
+    disorder: Disorder = "measured",
     scale: str | float | Eye = "watson2014",
     aperture: ApertureModel = "pillbox",
-    has_rod_intrusion: bool = False,
+    has_rod_intrusion: bool | None = None,
     has_optic_disc: bool = True,
-    rods: DensityFunction | None = None,
+    rods: RodDensity = None,
     seed: int = 0,
     device: str | None = None,
     precision: Precision = "single",
@@ -76,18 +70,23 @@ def mosaic(
     s_fraction
         Share of S cones as a function of eccentricity in degrees, instead of that of `ratios`.
     disorder
-        Relative spread of the cones' sizes, 0 to 0.3: 0 is as regular as the density allows (from
-        88 % six-sided in the fovea to 99 % outside), the default about as regular as measured.
+        ``"measured"``: as irregular as lattices were found to be, by eccentricity; see
+        `isetcl.cones.disorder.measured_disorder`. Or the relative spread of the cones' sizes, 0 to
+        0.4, the same everywhere: 0 is as regular as the density allows (from 88 % six-sided in the
+        fovea to 99 % outside).
     scale
         Degrees to mm of retina: ``"watson2014"``, a number of mm per degree, or an `Eye`, whose
         chief rays are used.
     aperture, has_rod_intrusion
-        See `isetcl.cones.receptors.aperture_um`.
+        See `isetcl.cones.receptors.aperture_um`. None narrows the cones' apertures where the mosaic
+        has rods, which then take no light twice.
     has_optic_disc
         Whether cones are left out in the optic disc.
     rods
-        Rods per mm^2 of retina as a function of directions ``(x_deg, y_deg)``, 0 where there are
-        none; they take the room that the cones' inner segments leave. None makes no rods.
+        Rods in the room that the cones' inner segments leave: True or ``"curcio1990"`` for the
+        average eye (see `isetcl.cones.rod_density.wanted_rods` for how well it is known), rods per
+        mm^2 of retina as a function of directions ``(x_deg, y_deg)``, 0 where there are none, or
+        None for no rods.
     seed
         Seed of positions and types: the same on one device, bit for bit.
     device, precision
@@ -103,25 +102,27 @@ def mosaic(
     """
     shares = check_ratios(ratios)
     check_between("s_free_radius_deg", s_free_radius_deg, 0.0, 180.0, "deg")
-    check_between("disorder", disorder, 0.0, 0.3)
+    check_disorder(disorder)
     check_choice("aperture", aperture, APERTURE_MODELS)
-    check_count("seed", seed, 0)
+    seed = check_count("seed", seed, 0)
     field = Field.of(fov_deg, centre_deg, eye, density, scale)
     if has_optic_disc:
         field.check_disc()
-    if rods is not None:
-        check_rods(rods, field.scale, field.grid_deg())
-    field.check_memory(rods)
+    wanted = field.rods(rods)
+    if wanted is not None:
+        check_rods(wanted, field.grid_deg(field.margin_deg))
+    field.check_memory(wanted)
+    is_narrowed = wanted is not None if has_rod_intrusion is None else bool(has_rod_intrusion)
     kernels = LatticeKernels(find_device(device), precision)
     details = field.describe() | {
         "ratios": list(shares),
         "s_free_radius_deg": float(s_free_radius_deg),
         "s_fraction": None if s_fraction is None else "function",
-        "disorder": float(disorder),
+        "disorder": disorder if isinstance(disorder, str) else float(disorder),
         "aperture": aperture,
-        "has_rod_intrusion": bool(has_rod_intrusion),
+        "has_rod_intrusion": is_narrowed,
         "has_optic_disc": bool(has_optic_disc),
-        "rods": None if rods is None else "function",
+        "rods": None if wanted is None else _name_of(rods),
         "seed": int(seed),
         "device": find_device(device).describe(),
         "precision": precision,
@@ -130,7 +131,7 @@ def mosaic(
     lattice = field.lattice(kernels, disorder, seed)
     spacing_mm = neighbour_spacing(lattice)
     inside = _inside(field, lattice, has_optic_disc)
-    cones = _receptors(field, lattice[inside], spacing_mm[inside], aperture, has_rod_intrusion)
+    cones = _receptors(field, lattice[inside], spacing_mm[inside], aperture, is_narrowed)
     types = assign_types(
         cones.positions_mm,
         cones.eccentricity_deg,
@@ -142,30 +143,18 @@ def mosaic(
         seed=seed,
     )
     made = dataclasses.replace(cones, types=types, provenance=details)
-    if rods is None:
+    if wanted is None:
         return made
     places, apart = rods_between(
+        field,
         lattice,
-        np.sqrt(2.0 / (np.sqrt(3.0) * field.at(lattice))),
-        rods,
-        field.scale,
-        field.sector(),
-        field.holds,
-        field.margin_deg,
+        wanted,
         kernels,
-        disorder=disorder,
+        disorder=ROD_DISORDER if isinstance(disorder, str) else disorder,
         seed=seed,
     )
     inside = _inside(field, places, has_optic_disc, may_be_empty=True)
-    if not np.any(inside):
-        return made
-    between = _receptors(field, places[inside], apart[inside], aperture, False)
-    between = dataclasses.replace(
-        between,
-        types=np.full(len(between), ReceptorType.ROD),
-        outer_segment_um=np.full(len(between), ROD_OUTER_SEGMENT_UM),
-    )
-    return dataclasses.replace(made.merge(between), provenance=details)
+    return _with_rods(made, field, places[inside], apart[inside], aperture)
 
 
 def estimate_mosaic(
@@ -175,10 +164,16 @@ def estimate_mosaic(
     eye: Side = "right",
     density: str | DensityFunction = "curcio1990",
     scale: str | float | Eye = "watson2014",
-    rods: DensityFunction | None = None,
+    rods: RodDensity = None,
 ) -> MosaicEstimate:
     """How many receptors a mosaic would have and how much memory it would take; see `mosaic`."""
-    return Field.of(fov_deg, centre_deg, eye, density, scale).estimate(rods)
+    field = Field.of(fov_deg, centre_deg, eye, density, scale)
+    return field.estimate(field.rods(rods))
+
+
+def _name_of(rods: RodDensity) -> str:
+    """What rods are called in provenance."""
+    return "function" if callable(rods) else "curcio1990"
 
 
 def _inside(
@@ -194,6 +189,25 @@ def _inside(
             "fov_deg larger"
         )
     return inside
+
+
+def _with_rods(
+    cones: ConeMosaic,
+    field: Field,
+    places_mm: np.ndarray,
+    apart_mm: np.ndarray,
+    aperture: ApertureModel,
+) -> ConeMosaic:
+    """The mosaic with rods at places, if any, after its cones."""
+    if len(places_mm) == 0:
+        return cones
+    between = _receptors(field, places_mm, apart_mm, aperture, False)
+    between = dataclasses.replace(
+        between,
+        types=np.full(len(between), ReceptorType.ROD),
+        outer_segment_um=np.full(len(between), ROD_OUTER_SEGMENT_UM),
+    )
+    return dataclasses.replace(cones.merge(between), provenance=cones.provenance)
 
 
 def _receptors(

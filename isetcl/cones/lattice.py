@@ -128,7 +128,7 @@ def relaxed(
     per_mm2: Callable[[np.ndarray], np.ndarray],
     is_fixed: np.ndarray,
     kernels: LatticeKernels,
-    disorder: float,
+    disorder: np.ndarray | float,
     seed: int,
 ) -> np.ndarray:
     """Points (n, 2), mm, after they have repelled each other into a lattice.
@@ -144,24 +144,41 @@ def relaxed(
     is_fixed
         Points that stay where they are.
     disorder
-        Standard deviation of the logarithm of the sizes' factors.
+        Standard deviation of the logarithm of the sizes' factors; one number, or one a point, (n,).
     """
     random = np.random.default_rng([seed, 1])
     draws = random.standard_normal(len(places_mm) + 1)
     # Differences of neighbours on a ring: their sum over many cones stays small, and so do the
     # fluctuations of density over more than a few cones.
     factor = np.exp(disorder * np.diff(draws) / math.sqrt(2.0))
-    noise = random.standard_normal(places_mm.shape) * _spacing(per_mm2(places_mm))[:, None]
-    noise *= _NOISE * min(disorder / _FULL_NOISE_FROM, 1.0)
+    noise = random.standard_normal(places_mm.shape) * spacing_of(per_mm2(places_mm))[:, None]
+    share = np.minimum(np.asarray(disorder) / _FULL_NOISE_FROM, 1.0)
+    noise *= np.broadcast_to(_NOISE * share, len(noise))[:, None]
     noise[is_fixed] = 0.0
     return kernels.relax(
         places_mm + noise,
-        lambda places: factor * _spacing(per_mm2(places)),
+        lambda places: factor * spacing_of(per_mm2(places)),
         is_fixed,
         rounds=ROUNDS,
         steps=STEPS,
     )
 
 
-def _spacing(per_mm2: np.ndarray) -> np.ndarray:
+def parted(
+    places_mm: np.ndarray, least_mm: np.ndarray, is_fixed: np.ndarray, kernels: LatticeKernels
+) -> np.ndarray:
+    """Points (n, 2), mm, after those nearer than a distance, (n,), have been pushed apart."""
+    return kernels.relax(
+        places_mm,
+        lambda _: least_mm,
+        is_fixed,
+        rounds=1,
+        steps=STEPS,
+        range_in_sizes=1.0,
+        step=0.5,
+    )
+
+
+def spacing_of(per_mm2: np.ndarray) -> np.ndarray:
+    """Spacing, mm, of a hexagonal lattice of a density, sqrt(2 / (sqrt(3) D)). Watson 2014, A4."""
     return np.asarray(np.sqrt(2.0 / (math.sqrt(3.0) * per_mm2)))

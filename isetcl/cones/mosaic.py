@@ -325,14 +325,14 @@ class ConeMosaic:
 
         return load_mosaic(path)
 
-    def to_isetbio(self, path: str | Path) -> Path:
+    def to_isetbio(self, path: str | Path, *, image: RetinalImage | None = None) -> Path:
         """Write the cones as a file that ISETBio's cMosaic imports; returns the path.
 
         See `isetcl.cones.isetbio.to_isetbio`.
         """
         from isetcl.cones.isetbio import to_isetbio
 
-        return to_isetbio(self, path)
+        return to_isetbio(self, path, image=image)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The arrays by name, one row a receptor."""

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from isetcl.cones.nomogram import govardovskii_absorbance
 from isetcl.errors import InvalidInputError, check_between, check_choice, check_finite
 from isetcl.eye.people.macular_pigment import (
     MACULAR_PEAK_DENSITY,
@@ -32,8 +33,15 @@ from isetcl.spectrum import check_wavelengths
 ROD_DENSITY = 0.4
 """Optical density of rods. Lucas et al. 2014, Trends Neurosci 37:1, toolbox."""
 
-_ROD_RANGE_NM = (400.0, 780.0)
+MELANOPSIN_PEAK_NM = 480.0
+"""Peak of melanopsin's absorbance. Lucas et al. 2014, Trends Neurosci 37:1; CIE S 026:2018."""
+
+MELANOPSIN_DENSITY = 0.015
+"""Optical density of melanopsin cells, as Psychtoolbox's LivingHumanMelanopsin has it."""
+
 _STANDARD_AGE = 32.0
+_ROD_RANGE_NM = (400.0, 780.0)
+_MELANOPIC_RANGE_NM = (400.0, 780.0)
 
 Dichromacy = Literal["protan", "deutan"]
 
@@ -59,6 +67,8 @@ class Observer:
         Excitations per absorbed photon.
     rod_density
         Peak density of the rods.
+    melanopsin_density
+        Peak density of the melanopsin in retinal ganglion cells.
 
     Raises
     ------
@@ -74,6 +84,7 @@ class Observer:
     model: PigmentModel = "cie_170"
     photon_efficiency: float = PHOTON_EFFICIENCY
     rod_density: float = ROD_DENSITY
+    melanopsin_density: float = MELANOPSIN_DENSITY
 
     def __post_init__(self) -> None:
         check_choice("pigment model", self.model, PIGMENT_MODELS)
@@ -92,6 +103,7 @@ class Observer:
         check_between("observer: macular_peak_density", self.macular_peak_density, 0.0, 5.0)
         check_between("observer: photon_efficiency", self.photon_efficiency, 1e-6, 1.0)
         check_between("observer: rod_density", self.rod_density, 1e-6, 5.0)
+        check_between("observer: melanopsin_density", self.melanopsin_density, 1e-6, 5.0)
 
     @classmethod
     def of_field(cls, field_deg: float, **options: Any) -> Observer:
@@ -170,6 +182,45 @@ class Observer:
         peak = float(at_the_rods(np.arange(400.0, 781.0)).max())
         most = self.photon_efficiency * (1.0 - 10.0**-self.rod_density)
         return np.asarray(most / peak * at_the_rods(grid))
+
+    def melanopsin_absorptance(self, wavelengths_nm: np.ndarray) -> np.ndarray:
+        """Share of photons that a melanopsin cell absorbs, (wavelengths,), 300 to 800 nm.
+
+        The pigment alone, before which stands no macular pigment: the cells lie in front of it.
+        Source: the template of Govardovskii et al. 2000 at 480 nm.
+        """
+        grid = check_wavelengths(wavelengths_nm)
+        if grid[0] < 300.0 or grid[-1] > 800.0:
+            raise InvalidInputError(
+                f"melanopsin is known from 300 to 800 nm, got {grid[0]:g} to {grid[-1]:g} nm; "
+                "narrow the wavelength grid"
+            )
+        shape = govardovskii_absorbance(MELANOPSIN_PEAK_NM, grid)
+        return absorptance(self.melanopsin_density, shape)
+
+    def melanopic_sensitivity(
+        self, wavelengths_nm: np.ndarray, age_years: float = _STANDARD_AGE
+    ) -> np.ndarray:
+        """Sensitivity of melanopsin cells at the cornea, in energy, peak 1, (wavelengths,).
+
+        Light at the cornea weighted by it is melanopic irradiance. The lens is that of Pokorny,
+        Smith & Lutze 1987 at an age of 20 to 80 years, 400 to 780 nm. At 32 years it lies within
+        0.03 of the melanopic action spectrum of CIE S 026:2018, which has another lens, and gives
+        1.334 mW of melanopic irradiance a lumen of daylight D65, where the standard has 1.326.
+        """
+        grid = check_wavelengths(wavelengths_nm)
+        low, high = _MELANOPIC_RANGE_NM
+        if grid[0] < low or grid[-1] > high:
+            raise InvalidInputError(
+                f"melanopic sensitivity is known from {low:g} to {high:g} nm, got {grid[0]:g} to "
+                f"{grid[-1]:g} nm; narrow the wavelength grid"
+            )
+
+        def at_the_cornea(nm: np.ndarray) -> np.ndarray:
+            lens = ocular_density(age_years, nm, "pokorny_1987")
+            return np.asarray(self.melanopsin_absorptance(nm) * nm * 10.0**-lens)
+
+        return np.asarray(at_the_cornea(grid) / at_the_cornea(np.arange(low, high + 1.0)).max())
 
     def macular_density(self, wavelengths_nm: np.ndarray) -> np.ndarray:
         """Density of the macular pigment in the fovea, (wavelengths,)."""

@@ -8,10 +8,12 @@ import numpy as np
 
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.receptors import ReceptorType
-from isetcl.errors import InvalidInputError, check_choice
+from isetcl.errors import InvalidInputError, check_choice, check_type
+from isetcl.units import UM_PER_MM
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import Collection
 
 COLOURS = {
     ReceptorType.L: "#d1495b",
@@ -21,16 +23,13 @@ COLOURS = {
 }
 """Colours of the types in all pictures."""
 
-MOST_DISCS = 30000
-"""Receptors: with more of them apertures are smaller than a pixel, and middles are drawn."""
+_LEAST_MARGIN = 0.02  # of the field, around it
 
 
 def plot_mosaic(
     mosaic: ConeMosaic, ax: Axes | None = None, *, units: str = "deg", legend: bool = True
 ) -> Axes:
-    """Draw the receptors coloured by type; returns the axes.
-
-    Apertures are drawn to scale; of more than 30 000 receptors only their middles.
+    """Draw the apertures to scale, coloured by type; returns the axes.
 
     Parameters
     ----------
@@ -39,46 +38,44 @@ def plot_mosaic(
     units
         ``"deg"``, the visual field as the eye sees it, or ``"mm"``, the retina.
     legend
-        Whether types and their numbers are named.
+        Whether types and their numbers are named, above the axes.
     """
-    import matplotlib.pyplot as plt
+    from matplotlib.colors import to_rgb
 
     check_choice("units", units, ("deg", "mm"))
-    if ax is not None and not hasattr(ax, "add_collection"):
-        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
-    axes = plt.subplots(layout="constrained")[1] if ax is None else ax
-    places = mosaic.positions_deg if units == "deg" else mosaic.positions_mm
-    for kind in ReceptorType:
-        own = mosaic.types == kind
-        if not np.any(own):
-            continue
-        label = f"{kind.name.lower() if kind is ReceptorType.ROD else kind.name} ({own.sum()})"
-        if len(mosaic) > MOST_DISCS:
-            size = float(np.clip(2e5 / len(mosaic), 0.05, 4.0))
-            x, y = places[own].T
-            axes.scatter(x, y, s=size, c=COLOURS[kind], lw=0, label=label)
-        else:
-            diameter = mosaic.aperture_deg if units == "deg" else 1e-3 * mosaic.aperture_um
-            _add_discs(axes, places[own], diameter[own], COLOURS[kind], label)
-    axes.set_aspect("equal")
-    low, high = places.min(axis=0), places.max(axis=0)
-    margin = 0.02 * float((high - low).max()) or 0.01
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    what = "visual field" if units == "deg" else "retina"
-    axes.set_xlabel(f"{what}, x ({units})")
-    axes.set_ylabel(f"{what}, y ({units})")
+    check_type("legend", legend, bool)
+    axes = axes_or_new(ax)
+    is_deg = units == "deg"
+    drawn = add_discs(
+        axes,
+        mosaic.positions_deg if is_deg else mosaic.positions_mm,
+        mosaic.aperture_deg if is_deg else mosaic.aperture_um / UM_PER_MM,
+        f"{'visual field' if is_deg else 'retina'}, {{}} ({units})",
+    )
+    colours = np.array([to_rgb(COLOURS[kind]) for kind in ReceptorType])
+    drawn.set_facecolor(colours[mosaic.types].tolist())
     if legend:
-        shown = axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), frameon=False)
-        for handle in shown.legend_handles:
-            if handle is not None and hasattr(handle, "set_sizes"):
-                handle.set_sizes([40.0])
+        counts = {kind: int(np.sum(mosaic.types == kind)) for kind in ReceptorType}
+        name_types(axes, {kind: f"{name_of(kind)} ({n})" for kind, n in counts.items() if n})
     return axes
 
 
-def _add_discs(
-    axes: Axes, places: np.ndarray, diameter: np.ndarray, colour: str, label: str
-) -> None:
+def axes_or_new(ax: Axes | None) -> Axes:
+    """The axes, or those of a new figure; raise InvalidInputError if they are none."""
+    if ax is None:
+        import matplotlib.pyplot as plt
+
+        return plt.subplots(layout="constrained")[1]
+    if not hasattr(ax, "add_collection"):
+        raise InvalidInputError(f"ax must be matplotlib axes, got {type(ax).__name__}")
+    return ax
+
+
+def add_discs(axes: Axes, places: np.ndarray, diameter: np.ndarray, label: str) -> Collection:
+    """Discs without colours, to scale, in axes that hold them all and are labelled so.
+
+    One collection, so that where discs are smaller than a pixel no type hides the others.
+    """
     from matplotlib.collections import EllipseCollection
 
     discs = EllipseCollection(
@@ -88,8 +85,33 @@ def _add_discs(
         units="xy",
         offsets=places,
         offset_transform=axes.transData,
-        facecolor=colour,
         linewidth=0,
     )
     axes.add_collection(discs)
-    axes.scatter([], [], s=40, c=colour, lw=0, label=label)
+    axes.set_aspect("equal")
+    low, high = places.min(axis=0), places.max(axis=0)
+    margin = max(_LEAST_MARGIN * float((high - low).max()), 0.55 * float(diameter.max()))
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_xlabel(label.format("x"))
+    axes.set_ylabel(label.format("y"))
+    return discs
+
+
+def name_types(axes: Axes, texts: dict[ReceptorType, str]) -> None:
+    """A legend of types above the axes."""
+    for kind, text in texts.items():
+        axes.scatter([], [], s=40, c=COLOURS[kind], lw=0, label=text)
+    axes.legend(
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=len(texts),
+        frameon=False,
+        columnspacing=1.2,
+        handletextpad=0.2,
+    )
+
+
+def name_of(kind: ReceptorType) -> str:
+    """L, M, S or rod."""
+    return kind.name.lower() if kind is ReceptorType.ROD else kind.name

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from isetcl.cones.density import ConeDensity, DensityFunction, Meridian, on_meridian
+from isetcl.cones.disorder import (
+    LEAST_DISTANCE_FROM_DEG,
+    LEAST_DISTANCE_PERCENTILE,
+    LEAST_DISTANCE_UM,
+    measured_six_sided,
+)
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.receptors import ReceptorType
 from isetcl.cones.retinal_scale import RetinalScale
@@ -40,6 +47,13 @@ class MosaicQuality:
     density_error : ndarray
         Density over the wanted one in each band, less 1, (bands,); NaN in a band without cones or
         without a wanted density.
+    six_sided, measured_six_sided : ndarray
+        Share of cones with six neighbours in each band, and the share that was measured in human
+        retinas (Pum, Ahnelt & Grasl 1990; Li & Roorda 2007; Legras, Gaudric & Woog 2018), NaN
+        beyond 6 degrees, (bands,).
+    least_distance_um : ndarray
+        Distance to the nearest neighbour that 1 % of the cones of each band fall short of, um,
+        (bands,). From 10 degrees on 6 to 8 um were measured as the least (Curcio & Sloan 1992).
     """
 
     n_cones: int
@@ -49,6 +63,9 @@ class MosaicQuality:
     area_cv: float
     eccentricity_deg: np.ndarray
     density_error: np.ndarray
+    six_sided: np.ndarray
+    measured_six_sided: np.ndarray
+    least_distance_um: np.ndarray
 
     @property
     def six_neighbour_fraction(self) -> float:
@@ -66,8 +83,27 @@ class MosaicQuality:
         return (
             f"{self.n_cones} cones, {100 * self.six_neighbour_fraction:.1f} % with six neighbours, "
             f"spacing CV {100 * self.spacing_cv:.1f} %, nearest-neighbour regularity "
-            f"{self.nearest_neighbour_regularity:.1f}, density error {errors or 'not asked for'}"
+            f"{self.nearest_neighbour_regularity:.1f}, density error {errors or 'not asked for'}; "
+            f"measured in human retinas: {self._beside_the_measured()}"
         )
+
+    def _beside_the_measured(self) -> str:
+        """Every band's regularity with what was measured there, or that nothing was."""
+        parts = []
+        low, high = LEAST_DISTANCE_UM
+        for i, (inner, outer) in enumerate(itertools.pairwise(self.eccentricity_deg)):
+            if np.isfinite(self.measured_six_sided[i]):
+                found, wanted = 100 * self.six_sided[i], 100 * self.measured_six_sided[i]
+                parts.append(
+                    f"{inner:.3g}-{outer:.3g} deg {wanted:.0f} % six-sided, here {found:.0f} %"
+                )
+            elif inner >= LEAST_DISTANCE_FROM_DEG:
+                found = self.least_distance_um[i]
+                parts.append(
+                    f"{inner:.3g}-{outer:.3g} deg {low:g} to {high:g} um apart at least, here "
+                    f"{found:.1f} um"
+                )
+        return ", ".join(parts) or "nothing at these eccentricities"
 
 
 def mosaic_quality(
@@ -123,7 +159,21 @@ def mosaic_quality(
         float(relative.std() / relative.mean()),
         borders,
         error,
+        _by_band(degree == 6, band, bands),
+        _by_band(measured_six_sided(ecc), band, bands),
+        _by_band(1e3 * cells.nearest_mm[inside], band, bands, LEAST_DISTANCE_PERCENTILE),
     )
+
+
+def _by_band(
+    values: np.ndarray, band: np.ndarray, bands: int, percentile: float | None = None
+) -> np.ndarray:
+    """Mean, or a percentile, of the values in each band, (bands,); NaN where there are none."""
+    found = np.full(bands, np.nan)
+    for number in np.unique(band):
+        own = values[band == number]
+        found[number] = np.mean(own) if percentile is None else np.percentile(own, percentile)
+    return found
 
 
 def meridian_density(

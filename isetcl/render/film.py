@@ -23,6 +23,8 @@ from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid
 from isetcl.spectrum import photopic_weights
 from isetcl.version import __version__
 
+_TIMED_TILES = 5
+
 
 class Film:
     """The accumulators of all tiles, and the image they make."""
@@ -55,6 +57,7 @@ class Film:
         self._accumulators = self._empty()
         self._pilot: list[TileAccumulator] | None = None
         self._error, self._error_at = math.nan, 0
+        self._paces: list[float] = []
 
     def _empty(self) -> list[TileAccumulator]:
         return [TileAccumulator(self._tracked, keeps=self._keeps) for _ in self._tiles]
@@ -95,30 +98,43 @@ class Film:
         stream = sobol.stream(self._seed, self._next_replicate)
         self._next_replicate += 1
         total = samples * len(self._tiles)
+        elapsed = 0.0
         for i, (tile, accumulator) in enumerate(zip(self._tiles, self._accumulators, strict=True)):
             film: np.ndarray | float = 0.0
             done = 0
+            since = time.perf_counter()
             for part, count in self._pipeline.parts(tile, samples, stream):
                 film = film + part * (count / samples)
                 done += count
                 if done < samples:
+                    elapsed += time.perf_counter() - since
                     yield (i * samples + done) / total
+                    since = time.perf_counter()
             assert isinstance(film, np.ndarray)
             accumulator.add(film, samples)
+            elapsed += time.perf_counter() - since
             yield (i + 1) * samples / total
+        self._paces.append(elapsed / samples)
         if self.replicates >= 2:
             self._pilot = None
 
     def seconds_per_sample(self) -> float:
-        """Time of one sample a pixel over the whole image, from one small launch."""
-        tile = self._tiles[0]
-        # Some drivers compile anew for launches of another size.
-        self._pipeline.sample(tile, 4, 0)
-        start = time.perf_counter()
-        self._pipeline.sample(tile, 4, 0)
-        elapsed = (time.perf_counter() - start) / 4
-        columns, rows = self._plan.grid.resolution
-        return elapsed * columns * rows / (tile.columns * tile.rows)
+        """Time of one sample a pixel over the whole image.
+
+        That of the faster of the last two replicates, since drivers may still have compiled in the
+        first; before there are any, from small launches in a few tiles of all parts of the image.
+        """
+        if self._paces:
+            return min(self._paces[-2:])
+        chosen = self._tiles[:: -(-len(self._tiles) // _TIMED_TILES)]
+        elapsed = 0.0
+        for tile in chosen:
+            # Some drivers compile anew for launches of another size.
+            self._pipeline.sample(tile, 4, 0)
+            start = time.perf_counter()
+            self._pipeline.sample(tile, 4, 0)
+            elapsed += (time.perf_counter() - start) / 4
+        return elapsed * self.pixels / sum(tile.columns * tile.rows for tile in chosen)
 
     def error(self) -> float:
         """Error after the last whole replicate; NaN before two of them.

@@ -114,9 +114,12 @@ class Goal:
             # Equal replicates make the standard error exact; the pilot is a small part of the work.
             film.restart()
             size = longer
-        while not self._is_done(film, size * per_sample):
+        while not self._is_done(film, size * film.seconds_per_sample()):
             before = film.samples
             for part in film.add_replicate(size):
+                if film.replicates >= schedule.PILOT_REPLICATES and self._is_late():
+                    # Tiles differ in what they have now; each knows its own error.
+                    return
                 yield min(0.99, (before + part * size) / max(needed, 1.0))
 
     def _is_done(self, film: Film, replicate_s: float) -> bool:
@@ -127,6 +130,9 @@ class Goal:
         if time.perf_counter() + replicate_s > self._deadline:
             return True
         return self._is_met(film)
+
+    def _is_late(self) -> bool:
+        return time.perf_counter() > self._deadline
 
     def _is_met(self, film: Film) -> bool:
         """Whether the error is small enough, and known well enough to say so."""

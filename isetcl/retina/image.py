@@ -413,14 +413,14 @@ class RetinalImage:
         return to_isetbio(self, path)
 
     @staticmethod
-    def from_isetbio(path: str | Path, eye: Eye) -> RetinalImage:
+    def from_isetbio(path: str | Path, eye: Eye, **options: Any) -> RetinalImage:
         """The optical image of a file of ISETBio or ISETCam, on the retina of an eye.
 
         See `isetcl.retina.isetbio.from_isetbio`.
         """
         from isetcl.retina.isetbio import from_isetbio
 
-        return from_isetbio(path, eye)
+        return from_isetbio(path, eye, **options)
 
     def __repr__(self) -> str:
         n, rows, columns = self.irradiance.shape

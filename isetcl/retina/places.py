@@ -6,12 +6,14 @@ import functools
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_type, check_vectors
 from isetcl.eye.model import Eye
+from isetcl.netcdf import load_dataset, save_dataset
 from isetcl.retina.grid import RetinalGrid
 from isetcl.units import UM_PER_MM
 
@@ -25,6 +27,16 @@ COLUMNS = 1024
 """Places are listed in rows of so many, so that the number of a place says where its samples come
 from, whatever the length of the list."""
 
+_DIMS = {
+    "irradiance": ("wavelength", "place"),
+    "standard_error": ("wavelength", "place"),
+    "replicates": ("replicate", "wavelength", "place"),
+    "samples": ("replicate",),
+    "wavelength": ("wavelength",),
+    "x_deg": ("place",),
+    "y_deg": ("place",),
+    "radius_um": ("place",),
+}
 _STEP_DEG = 1e-3
 _NODES = 64
 
@@ -188,18 +200,19 @@ class IrradianceAtPlaces:
         ``irradiance`` and ``standard_error`` (wavelength, place), W m^-2 nm^-1; ``replicates``
         (replicate, wavelength, place): independent estimates, of ``samples`` (replicate,) samples,
         whose mean weighted so is the irradiance. Coordinates ``wavelength`` (nm), ``x_deg``,
-        ``y_deg``, ``radius_um`` (place). Attribute ``provenance``: JSON.
+        ``y_deg``, ``radius_um`` (place). Attributes ``aperture_shape``, ``"pillbox"`` or
+        ``"gaussian"``, and ``provenance``: JSON.
     """
 
     def __init__(self, dataset: xarray.Dataset) -> None:
         import xarray
 
         check_type("dataset", dataset, xarray.Dataset)
-        for name in ("irradiance", "standard_error"):
-            if name not in dataset or dataset[name].dims != ("wavelength", "place"):
+        for name, dims in _DIMS.items():
+            if name not in dataset or dataset[name].dims != dims:
                 raise InvalidInputError(
-                    f"irradiance at places needs a variable {name!r} with dimensions (wavelength, "
-                    "place); this dataset has none"
+                    f"irradiance at places needs a variable {name!r} with dimensions "
+                    f"({', '.join(dims)}); this dataset has none"
                 )
         self.dataset = dataset
 
@@ -235,9 +248,33 @@ class IrradianceAtPlaces:
                 "radius_um": ("place", places.radius_um, {"units": "um"}),
                 "samples": ("replicate", samples),
             },
-            attrs={"provenance": json.dumps(provenance)},
+            attrs={
+                "aperture_shape": "gaussian" if places.is_gaussian else "pillbox",
+                "provenance": json.dumps(provenance),
+            },
         )
         return cls(dataset)
+
+    def save(self, path: str | Path) -> Path:
+        """Write all of it as NetCDF-4; returns the path. A crash leaves no half-written file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        return save_dataset(self.dataset, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> IrradianceAtPlaces:
+        """Read what `save` wrote.
+
+        Raises
+        ------
+        FileError
+            If the file does not exist or holds something else.
+        """
+        return load_dataset(path, "irradiance at places", cls)
 
     @property
     def irradiance(self) -> xarray.DataArray:

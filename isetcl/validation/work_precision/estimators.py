@@ -13,6 +13,7 @@ which are unbiased; bias^2 may come out negative. All of them follow from the Gr
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -25,17 +26,34 @@ _FLOOR = 0.01  # of the squared mean, in the denominator of relMSE
 
 
 @dataclass(frozen=True, eq=False)
-class Errors:
-    """Errors of one method at one knob, in units of the reference's mean.
+class Squares:
+    """A mean square error, and what its resampling asks for.
 
     Attributes
     ----------
     gram : ndarray, (replicates, replicates)
+        <E_r E_s>.
     reference_variance
         V_ref.
     reference_spread
-        Standard deviation, from the reference's noise, of `mse` and `bias2`.
-    mse, variance, bias2
+        Standard deviation, from the reference's noise, of `mse`.
+    mse
+        As above.
+    """
+
+    gram: np.ndarray
+    reference_variance: float
+    reference_spread: float
+    mse: float
+
+
+@dataclass(frozen=True, eq=False)
+class Errors(Squares):
+    """Errors of one method at one knob, in units of the reference's mean.
+
+    Attributes
+    ----------
+    variance, bias2
         As above.
     bias2_low, bias2_high
         Interval of 95 %.
@@ -43,20 +61,19 @@ class Errors:
         Mean of E^2 / (Ref^2 + 0.01 mean(Ref)^2), less what the reference's noise adds.
     worst
         Root mean square over the worst 1 % of the pixels, noise included.
+    largest
+        Of all pixels, noise included; the mean over replicates.
     energy, energy_error
         Mean of the image over that of the reference, less 1, and its standard error.
     """
 
-    gram: np.ndarray
-    reference_variance: float
-    reference_spread: float
-    mse: float
     variance: float
     bias2: float
     bias2_low: float
     bias2_high: float
     relative_mse: float
     worst: float
+    largest: float
     energy: float
     energy_error: float
 
@@ -74,33 +91,41 @@ def errors_of(images: np.ndarray, reference: np.ndarray, variance: np.ndarray) -
     truth, noise = reference / level, variance / level**2
     off = images / level - truth
     count, n = off.shape
-    gram = off @ off.T / n
-    v_ref = float(np.mean(noise))
-    square = float(np.mean(np.diag(gram)))
-    centre = float(np.mean(gram))
+    squares = squares_of(off, noise)
+    v_ref = squares.reference_variance
+    square = float(np.mean(np.diag(squares.gram)))
+    centre = float(np.mean(squares.gram))
     v = max(square - centre, 0.0) * count / (count - 1) if count > 1 else 0.0
     bias2 = centre - v / count - v_ref
-    mean_off = off.mean(axis=0)
-    low, high = _bias_interval(gram, bias2, noise, mean_off, v)
+    low, high = _bias_interval(squares.gram, bias2, noise, off.mean(axis=0), v)
     denominator = truth**2 + _FLOOR * float(np.mean(truth)) ** 2
     worst = max(1, math.ceil(_WORST_SHARE * n))
     largest = np.partition(np.abs(off), n - worst, axis=1)[:, n - worst :]
     energies = off.mean(axis=1)
     spread = float(np.std(energies, ddof=1)) if count > 1 else 0.0
     return Errors(
-        gram,
+        squares.gram,
         v_ref,
-        math.sqrt(_reference_spread2(noise, mean_off)),
-        square - v_ref,
+        squares.reference_spread,
+        squares.mse,
         v,
         bias2,
         low,
         high,
         float(np.mean((off * off - noise) / denominator)),
         float(np.sqrt(np.mean(largest**2))),
+        float(np.mean(largest.max(axis=1))),
         float(np.mean(energies)),
         math.hypot(spread / math.sqrt(count), math.sqrt(v_ref / n)),
     )
+
+
+def squares_of(off: np.ndarray, noise: np.ndarray) -> Squares:
+    """The mean square of errors (replicates, pixels), less that of the reference's variances."""
+    gram = off @ off.T / off.shape[1]
+    v_ref = float(np.mean(noise))
+    spread = math.sqrt(_reference_spread2(noise, off.mean(axis=0)))
+    return Squares(gram, v_ref, spread, float(np.mean(np.diag(gram))) - v_ref)
 
 
 def _reference_spread2(noise: np.ndarray, off: np.ndarray) -> float:
@@ -140,15 +165,29 @@ def _bias_interval(
     return bias2 - half, bias2 + half
 
 
+@functools.lru_cache(maxsize=8)
 def resampling(count: int, draws: int, seed: int) -> np.ndarray:
-    """Shares of each replicate in `draws` resamples, (draws, count)."""
+    """Shares of each replicate in `draws` resamples, (draws, count), not to be changed."""
     if count == 1:
-        return np.ones((draws, 1))
-    rng = np.random.default_rng(seed)
-    return rng.multinomial(count, np.full(count, 1.0 / count), size=draws) / count
+        shares = np.ones((draws, 1))
+    else:
+        rng = np.random.default_rng(seed)
+        shares = rng.multinomial(count, np.full(count, 1.0 / count), size=draws) / count
+    shares.setflags(write=False)
+    return shares
 
 
-def resampled_mse(found: Errors, shares: np.ndarray, noise: np.ndarray) -> np.ndarray:
+def resampled_medians(values: list[float], shares: np.ndarray) -> np.ndarray:
+    """Median of every resample, (draws,), of values that occur in it by their shares."""
+    ordered = np.sort(values)
+    counts = np.rint(shares[:, np.argsort(values)] * len(values))
+    seen = np.cumsum(counts, axis=1)
+    middle = (len(values) + 1) // 2, len(values) // 2 + 1
+    low, high = (ordered[np.argmax(seen >= m, axis=1)] for m in middle)
+    return np.asarray(0.5 * (low + high))
+
+
+def resampled_mse(found: Squares, shares: np.ndarray, noise: np.ndarray) -> np.ndarray:
     """MSE of every resample, (draws,); `noise` are normal numbers for the reference's share."""
     mse = shares @ np.diag(found.gram) - found.reference_variance
     return np.asarray(mse + found.reference_spread * noise)
@@ -181,9 +220,9 @@ def root(values: np.ndarray | float) -> np.ndarray:
 
 
 def slope(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Slopes of straight lines through log y (..., points) over log x; NaN where y is not > 0."""
-    dx = np.log(x) - np.mean(np.log(x))
+    """Slopes of straight lines through log y over log x, each (..., points); NaN unless y > 0."""
+    dx = np.log(x) - np.mean(np.log(x), axis=-1, keepdims=True)
     with np.errstate(divide="ignore", invalid="ignore"):
         logs = np.log(y)
-        found = np.sum(dx * logs, axis=-1) / np.sum(dx * dx)
+        found = np.sum(dx * logs, axis=-1) / np.sum(dx * dx, axis=-1)
     return np.asarray(np.where(np.isfinite(found), found, np.nan))

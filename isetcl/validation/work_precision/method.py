@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -66,6 +66,8 @@ class WorkMethod:
         Whether the image depends on the seed. If not, one image is enough.
     parts
         Kinds of error that can be had by themselves.
+    options
+        What else the method was told, for the record.
     """
 
     name: str
@@ -74,6 +76,7 @@ class WorkMethod:
     knob: str = "knob"
     is_random: bool = True
     parts: tuple[Part, ...] = ()
+    options: Mapping[str, object] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_type("name of a method", self.name, str)
@@ -84,9 +87,23 @@ class WorkMethod:
                 f"method {self.name!r} needs a function of knob and seed as run, got {self.run!r}"
             )
         object.__setattr__(self, "knobs", checked_knobs(self.name, self.knobs))
+        check_type("options", self.options, Mapping)
         check_type("parts", self.parts, tuple)
         for part in self.parts:
             check_type(f"part of method {self.name!r}", part, Part)
+
+
+@dataclass(frozen=True)
+class Point:
+    """A method at one value of its knob."""
+
+    method: WorkMethod
+    value: float
+
+    @property
+    def what(self) -> str:
+        """The point in words."""
+        return f"method {self.method.name!r} at {self.method.knob} {self.value:g}"
 
 
 def checked_knobs(name: str, knobs: object) -> tuple[float, ...]:

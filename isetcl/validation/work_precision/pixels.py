@@ -27,11 +27,15 @@ class Pixels:
         Squared standard errors, of the same shape; 0 where none is known.
     axes : dict of ndarray
         Coordinates by name; empty for a plain array.
+    brightness, brightness_variance : ndarray
+        The same of `RetinalImage.brightness`; a plain array is taken as brightness itself.
     """
 
     values: np.ndarray
     variance: np.ndarray
     axes: dict[str, np.ndarray]
+    brightness: np.ndarray
+    brightness_variance: np.ndarray
 
     def grid(self) -> str:
         """The grid in words."""
@@ -56,15 +60,13 @@ def pixels_of(image: ImageLike, what: str, quantity: Quantity) -> Pixels:
     axes: dict[str, np.ndarray] = {}
     if isinstance(image, RetinalImage):
         axes = {name: np.asarray(image.dataset[name].values) for name in ("wavelength", "y", "x")}
-        if quantity == "photopic":
-            values, error = image.brightness()
-        else:
-            values, error = image.irradiance.values, image.standard_error.values
-        values = np.asarray(values, dtype=np.float64)
-        variance = np.square(np.asarray(error, dtype=np.float64))
+        brightness, variance_of_brightness = _squared(*image.brightness())
+        values, variance = brightness, variance_of_brightness
+        if quantity == "spectral":
+            values, variance = _squared(image.irradiance.values, image.standard_error.values)
     else:
-        values = check_array(what, image)
-        variance = np.zeros_like(values)
+        values = brightness = check_array(what, image)
+        variance = variance_of_brightness = np.zeros_like(values)
     if values.size == 0:
         raise InvalidInputError(f"{what} must have pixels, got an array of shape {values.shape}")
     wrong = int(np.sum(~np.isfinite(values)))
@@ -73,7 +75,11 @@ def pixels_of(image: ImageLike, what: str, quantity: Quantity) -> Pixels:
             f"{what} must be finite in every pixel, got {wrong} NaN or infinite of {values.size}; "
             "mask them or mend the method"
         )
-    return Pixels(values, variance, axes)
+    return Pixels(values, variance, axes, brightness, variance_of_brightness)
+
+
+def _squared(values: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    return np.asarray(values, dtype=np.float64), np.square(np.asarray(error, dtype=np.float64))
 
 
 def check_same_grid(one: Pixels, what: str, reference: Pixels) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from isetcl.device.choose import find_device
-from isetcl.errors import InvalidInputError, check_array, check_type
+from isetcl.errors import InvalidInputError, check_array, check_positive, check_type
 from isetcl.eye.model import Eye
 from isetcl.render.goal import MAX_SPP
 from isetcl.render.interrupt import check_complete
 from isetcl.render.render import render
+from isetcl.retina.cone_noise import ConeNoise
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
+from isetcl.validation.work_precision.cone_units import mean_excitations
 from isetcl.validation.work_precision.method import ImageLike
 from isetcl.validation.work_precision.pixels import Pixels, Quantity, pixels_of
 
@@ -37,15 +40,26 @@ class Reference:
         Of a plain array, of its shape; None is that of a `RetinalImage`, or none.
     text
         What it is, for the record.
+    mean_excitations
+        Of a plain array: excitations, within its integration time, of a cone where the array has
+        its mean; for errors in units of cone noise. A `RetinalImage` tells them itself.
     """
 
     image: ImageLike
     standard_error: np.ndarray | float | None = None
     text: str = "given"
+    mean_excitations: float | None = None
 
     def __post_init__(self) -> None:
         check_type("image of the reference", self.image, (RetinalImage, np.ndarray))
         check_type("text", self.text, str)
+        if self.mean_excitations is not None:
+            check_positive("mean_excitations", self.mean_excitations)
+            if isinstance(self.image, RetinalImage):
+                raise InvalidInputError(
+                    "mean_excitations are those of a plain array; this reference is a RetinalImage "
+                    "and has a spectrum: pass illuminance_lux and cone_noise to work_precision"
+                )
         if self.standard_error is not None:
             error = check_array("standard_error", self.standard_error)
             if not np.all(np.isfinite(error)) or np.any(error < 0):
@@ -64,7 +78,16 @@ class Reference:
                 f"standard_error of the reference must have its shape {found.values.shape}, got "
                 f"{error.shape}"
             )
-        return Pixels(found.values, np.broadcast_to(error * error, found.values.shape), found.axes)
+        variance = np.broadcast_to(error * error, found.values.shape)
+        if found.values.shape == found.brightness.shape:
+            return dataclasses.replace(found, variance=variance, brightness_variance=variance)
+        return dataclasses.replace(found, variance=variance)
+
+    def excitations(self, cone: ConeNoise, illuminance_lux: float | None) -> float | None:
+        """Of a cone in the mean light of the image; None if they are not known."""
+        if isinstance(self.image, RetinalImage):
+            return mean_excitations(self.image, cone, illuminance_lux)
+        return self.mean_excitations
 
 
 def traced_reference(

@@ -21,7 +21,13 @@ from isetcl.render.plan import plan
 from isetcl.render.render import render
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
-from isetcl.validation.work_precision.method import Part, Run, WorkMethod, checked_knobs
+from isetcl.validation.work_precision.method import (
+    ImageLike,
+    Part,
+    Run,
+    WorkMethod,
+    checked_knobs,
+)
 
 RAY_TRACING = "ray_tracing"
 
@@ -133,9 +139,14 @@ class SceneMethod:
             parts = [Part("representation", rounded, exact), Part("rounding", single, rounded)]
         wavelengths = len(planned.wavelengths_nm)
         if wavelengths > 1:
-            every = run(scene, eye, bands=wavelengths)
-            parts.append(Part("discretisation", run(scene, eye), every, is_paired=False))
-        return WorkMethod(self.name, run(scene, eye), self.knobs, knob, True, tuple(parts))
+            few, every = run(scene, eye), run(scene, eye, bands=wavelengths)
+            if knob == "spp":
+                # Samples do not change what bands do: it is measured where the noise is least.
+                few, every = (_once(side, int(max(self.knobs))) for side in (few, every))
+            parts.append(Part("discretisation", few, every, is_paired=False))
+        return WorkMethod(
+            self.name, run(scene, eye), self.knobs, knob, True, tuple(parts), dict(self.options)
+        )
 
     def _by_psf(self, scene: Scene, eye: Eye, where: Mapping[str, Any]) -> WorkMethod:
         assert self.knob is not None
@@ -159,7 +170,19 @@ class SceneMethod:
                 return kept[0]
 
             parts = (Part("discretisation", run, fine),)
-        return WorkMethod(self.name, run, self.knobs, knob, False, parts)
+        return WorkMethod(self.name, run, self.knobs, knob, False, parts, dict(self.options))
+
+
+def _once(run: Run, value: float) -> Run:
+    """The same image of a seed for all values of a knob, made once, of one value."""
+    kept: dict[int, ImageLike] = {}
+
+    def keep(_: float, seed: int) -> ImageLike:
+        if seed not in kept:
+            kept[seed] = run(value, seed)
+        return kept[seed]
+
+    return keep
 
 
 def rounded_inputs(value: _Any) -> _Any:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,11 +17,23 @@ from isetcl.errors import (
 )
 from isetcl.eye.model import Eye
 from isetcl.memory import check_memory
+from isetcl.retina.cone_noise import ConeNoise
 from isetcl.retina.image import RetinalImage
 from isetcl.scene.model import Scene
 from isetcl.validation.work_precision import assemble
-from isetcl.validation.work_precision.estimators import Errors, errors_of, root
-from isetcl.validation.work_precision.method import PART_NAMES, ImageLike, Part, WorkMethod
+from isetcl.validation.work_precision.cone_units import cone_squares
+from isetcl.validation.work_precision.estimators import Squares, errors_of
+from isetcl.validation.work_precision.kinds import kinds_of_error
+from isetcl.validation.work_precision.method import ImageLike, Point, WorkMethod
+from isetcl.validation.work_precision.notes import (
+    ENOUGH_REPLICATES,
+    LEAST_MEASUREMENTS,
+    cone_record,
+    load,
+    notes_of,
+    record_of,
+    surroundings,
+)
 from isetcl.validation.work_precision.pixels import (
     QUANTITIES,
     Pixels,
@@ -52,27 +62,11 @@ from isetcl.validation.work_precision.timing import (
     timed,
 )
 
-ENOUGH_REPLICATES = 16
-LEAST_MEASUREMENTS = 9
-_PART_REPLICATES = 4
-
 StepCallback = Callable[[str, float], None]
 
 
+_CONE_NOISE = ConeNoise(0.1)
 _WHERE = ("fov_deg", "resolution", "centre_deg", "wavelengths_nm")
-
-
-@dataclass(frozen=True)
-class _Point:
-    """A method at one value of its knob."""
-
-    method: WorkMethod
-    value: float
-
-    @property
-    def what(self) -> str:
-        """The point in words."""
-        return f"method {self.method.name!r} at {self.method.knob} {self.value:g}"
 
 
 def work_precision(
@@ -85,6 +79,8 @@ def work_precision(
     quantity: Quantity = "photopic",
     targets: Sequence[float] = (0.01, 0.001),
     reference_factor: int = LEAST_FACTOR,
+    cone_noise: ConeNoise = _CONE_NOISE,
+    illuminance_lux: float | None = 10.0,
     parts: bool = True,
     time: ClockName = "wall",
     least_s: float = LEAST_S,
@@ -120,6 +116,12 @@ def work_precision(
         Relative root-mean-square errors whose times are wanted.
     reference_factor
         Least samples of the reference over those of any method.
+    cone_noise
+        The cone in whose Poisson noise errors are told as well, and the part of it to which times
+        are wanted (`ratio`): below a tenth, more samples cannot be seen.
+    illuminance_lux
+        Mean of the reference on the retina in whose light that cone is, lux; None leaves it as it
+        is. Images without a spectrum have no error in these units.
     parts
         Whether to measure representation, rounding and discretisation by themselves, which takes
         a few more images.
@@ -160,9 +162,13 @@ def work_precision(
         raise InvalidInputError(f"least_s must be >= 0 s, got {least_s:g}")
     first_seed = check_count("seed", seed, 0, 1 << 62)
     factor = check_count("reference_factor", reference_factor, 1)
-    points = [_Point(method, value) for method in named for value in method.knobs]
+    points = [Point(method, value) for method in named for value in method.knobs]
     rounds = [_rounds(point, count) for point in points]
     say = _Steps(on_step, sum(rounds) + (2 if parts else 1) * len(points))
+    check_type("cone_noise", cone_noise, ConeNoise)
+    if illuminance_lux is not None:
+        check_positive("illuminance_lux", illuminance_lux, "lux")
+    load_before = load()
     seeds = list(range(first_seed, first_seed + count))
     most = _most_samples(methods)
     found = _reference(reference, scene, eye, where, most, factor, first_seed, device, say)
@@ -170,23 +176,36 @@ def work_precision(
     truth = found.pixels(quantity)
     if not np.mean(truth.values) != 0:
         raise InvalidInputError("the reference must have a mean that is not 0: it is black")
+    excitations = found.excitations(cone_noise, illuminance_lux)
     check_memory(
         f"{len(points)} x {count} images of {truth.values.size} values",
         8.0 * len(points) * count * truth.values.size,
         lambda share: "take fewer replicates, knobs or pixels",
     )
-    images, times = _measure(
+    images, seen, times = _measure(
         points, seeds, truth, quantity, Clock() if clock is None else clock, least_s, time, say
     )
     flat, variance = truth.values.ravel(), truth.variance.ravel()
     errors = [errors_of(np.array(own), flat, variance) for own in images]
-    columns = [_parts(p, seeds, truth, quantity, say) if parts else {} for p in points]
-    notes = _notes(points, errors, count, found, images)
+    cones = _cone_errors(seen, truth, excitations)
+    columns = []
+    for point in points:
+        if parts:
+            say(f"kinds of error of {point.what}", 1)
+        columns.append(kinds_of_error(point, seeds, truth, quantity) if parts else {})
+    notes = notes_of(points, errors, count, found, images)
     spreads = {p.what: t.spread(time) for p, t in zip(points, times, strict=True)}
     trouble = check_quiet(spreads)
+    details = {
+        **({} if scene is None else surroundings(scene, eye, device)),
+        **record_of(named, found, where, quantity),
+        **cone_record(cone_noise, illuminance_lux, excitations),
+        **{"load_before": load_before, "load": load()},
+    }
     pieces = assemble.Pieces(
-        tuple(named), errors, times, columns, wanted, time, found.text, first_seed, count
-    )
+        tuple(named), errors, times, columns, cones, cone_noise.ratio, wanted, time,
+        first_seed, count, details,
+    )  # fmt: skip
     if trouble is None or allow_noise:
         said = notes if trouble is None else [*notes, trouble]
         return assemble.result(pieces, said, has_times=True)
@@ -265,7 +284,7 @@ def _reference(
 
 
 def _measure(
-    points: list[_Point],
+    points: list[Point],
     seeds: list[int],
     truth: Pixels,
     quantity: Quantity,
@@ -273,9 +292,10 @@ def _measure(
     least_s: float,
     time: ClockName,
     say: _Steps,
-) -> tuple[list[list[np.ndarray]], list[Times]]:
-    """Images and times of all points, which take turns; the first round only warms up."""
+) -> tuple[list[list[np.ndarray]], list[list[np.ndarray]], list[Times]]:
+    """Images, their brightness and times of all points, in turns; the first round warms up."""
     images: list[list[np.ndarray]] = [[] for _ in points]
+    seen: list[list[np.ndarray]] = [[] for _ in points]
     times = [Times() for _ in points]
 
     def call(i: int, seed: int, least: float) -> tuple[float, float]:
@@ -294,12 +314,14 @@ def _measure(
             times[i].transfer_s.append(float(image.provenance["transfer_s"]))
         if len(images[i]) == 0 or point.method.is_random:
             images[i].append(pixels.values.ravel())
+            seen[i].append(pixels.brightness.ravel())
         return wall, cpu
 
     for i, point in enumerate(points):
         say(f"first image of {point.what}", 1)
         times[i].first_s = call(i, seeds[0], 0.0)[0]
         images[i].clear()
+        seen[i].clear()
     for r, seed in enumerate(seeds):
         for i, point in enumerate(points):
             if r >= _rounds(point, len(seeds)):
@@ -308,77 +330,22 @@ def _measure(
             wall, cpu = call(i, seed, least_s)
             times[i].wall_s.append(wall)
             times[i].cpu_s.append(cpu)
-    return images, times
+    return images, seen, times
 
 
-def _rounds(point: _Point, replicates: int) -> int:
+def _cone_errors(
+    seen: list[list[np.ndarray]], truth: Pixels, excitations: float | None
+) -> list[Squares | None]:
+    """Errors of all points in units of cone noise; None where no excitations are known."""
+    if excitations is None:
+        return [None] * len(seen)
+    flat, variance = truth.brightness.ravel(), truth.brightness_variance.ravel()
+    return [cone_squares(np.array(own), flat, variance, excitations) for own in seen]
+
+
+def _rounds(point: Point, replicates: int) -> int:
     """Measurements of a point: images without noise need no more than times do."""
     return replicates if point.method.is_random else min(replicates, LEAST_MEASUREMENTS)
-
-
-def _parts(
-    point: _Point, seeds: list[int], truth: Pixels, quantity: Quantity, say: _Steps
-) -> dict[str, float]:
-    """Representation, rounding and discretisation of a point, root mean square."""
-    say(f"kinds of error of {point.what}", 1)
-    level = abs(float(np.mean(truth.values)))
-    found: dict[str, float] = {}
-    for part in point.method.parts:
-        count = 1 if part.is_paired else min(_PART_REPLICATES, len(seeds))
-        off = np.array([_difference(point, part, s, truth, quantity) for s in seeds[:count]])
-        off /= level
-        square = float(np.mean(off.mean(axis=0) ** 2))
-        if count > 1:
-            square -= float(np.mean(off.var(axis=0, ddof=1))) / count
-        found[part.name] = float(root(square))
-    return {name: found[name] for name in PART_NAMES if name in found}
-
-
-def _difference(
-    point: _Point, part: Part, seed: int, truth: Pixels, quantity: Quantity
-) -> np.ndarray:
-    sides = []
-    for run in (part.one, part.other):
-        what = f"the image for the {part.name} of {point.what}"
-        pixels = pixels_of(run(point.value, seed), what, quantity)
-        check_same_grid(pixels, what, truth)
-        sides.append(pixels.values.ravel())
-    return sides[0] - sides[1]
-
-
-def _notes(
-    points: list[_Point],
-    errors: list[Errors],
-    replicates: int,
-    reference: Reference,
-    images: list[list[np.ndarray]],
-) -> list[str]:
-    """What a reader must know of the numbers."""
-    notes = []
-    if replicates < ENOUGH_REPLICATES:
-        notes.append(
-            f"only {replicates} replicates: intervals of fewer than {ENOUGH_REPLICATES} are rough"
-        )
-    noisy = [p.what for p, e in zip(points, errors, strict=True) if is_limited(e)]
-    if noisy:
-        more = f" and {len(noisy) - 3} more" if len(noisy) > 3 else ""
-        level = math.sqrt(errors[0].reference_variance)
-        notes.append(
-            f"the reference (standard error {100 * level:.2g} %) is noisier than the image of "
-            f"{', '.join(noisy[:3])}{more}: those errors are what is left after subtracting it"
-        )
-    if errors and errors[0].reference_variance == 0:
-        notes.append(f"the reference ({reference.text}) is taken as exact")
-    for point, own in zip(points, images, strict=True):
-        same = len(own) > 1 and all(np.array_equal(own[0], other) for other in own[1:])
-        if same:
-            notes.append(f"{point.what} gave the same image for every seed: it is not random")
-    return notes
-
-
-def is_limited(errors: Errors) -> bool:
-    """Whether the reference is noisier than the image is wrong."""
-    return errors.reference_variance > 0 and errors.mse < errors.reference_variance
 
 
 class _Steps:

@@ -10,10 +10,11 @@ import numpy as np
 from isetcl.validation.work_precision.estimators import percentiles, slope
 
 INTERPOLATED, EXTRAPOLATED = "interpolated", "extrapolated"
-AT_MOST, NOT_REACHED = "at most", "not reached"
+AT_MOST, NOT_REACHED, UNKNOWN = "at most", "not reached", "unknown"
 _LARGEST_FACTOR = 1e4
 _LEAST_SLOPE = -0.1
 _LAST_POINTS = 3
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,8 @@ class TimeTo:
     seconds, low, high
         With its interval of 95 %; infinite where the error is not reached.
     how
-        "interpolated", "extrapolated", "at most" (the cheapest image is better) or "not reached".
+        "interpolated", "extrapolated", "at most" (the cheapest image is better), "not reached", or
+        "unknown" where times that do not grow with the knob cannot be extrapolated; then NaN.
     """
 
     seconds: float
@@ -41,8 +43,8 @@ class Curve:
     Attributes
     ----------
     knob, seconds, error : ndarray, (points,)
-    draws : ndarray, (resamples, points)
-        The error of resamples.
+    draws, second_draws : ndarray, (resamples, points)
+        The error and the time of resamples.
     floor
         Bias that more samples do not take away; 0 where none is certain.
     replicates
@@ -53,6 +55,7 @@ class Curve:
     seconds: np.ndarray
     error: np.ndarray
     draws: np.ndarray
+    second_draws: np.ndarray
     floor: float
     replicates: int
 
@@ -64,44 +67,100 @@ def time_to(curve: Curve, target: float) -> tuple[TimeTo, np.ndarray]:
     as a power of the knob and the time as a straight line of it, as the last three points show,
     but for at most ten thousand times the last knob.
     """
-    found, how = _crossing(curve, curve.error, target)
-    times = np.array([_crossing(curve, row, target)[0] for row in curve.draws])
+    found = float(_crossings(curve, curve.seconds[None], curve.error[None], target)[0])
+    times = _crossings(curve, curve.second_draws, curve.draws, target)
     if not math.isfinite(found):
+        how = _why_not(curve, target)
+        found = math.inf if how == NOT_REACHED else math.nan
         return TimeTo(found, found, found, how), times
     # Resamples that never get there are the far end of the interval.
     largest = math.log(np.finfo(np.float64).max)
     logs = np.minimum(np.log(times), largest)
     low, high = percentiles(logs, curve.replicates)
     far = math.inf if high > largest - 1.0 else math.exp(high)
-    return TimeTo(found, math.exp(low), far, how), times
+    return TimeTo(found, math.exp(low), far, _how(curve, target)), times
 
 
-def _crossing(curve: Curve, error: np.ndarray, target: float) -> tuple[float, str]:
-    """First time at which the error is no larger than the target, and how it is known."""
-    seconds, e = curve.seconds, np.maximum(error, 1e-300)
-    below = np.flatnonzero(e <= target)
-    if len(below) == 0:
-        return _beyond(curve, e, target)
-    i = int(below[0])
-    if i == 0:
-        return float(seconds[0]), AT_MOST
-    t, y = np.log(seconds[i - 1 : i + 1]), np.log(e[i - 1 : i + 1])
-    share = (y[0] - math.log(target)) / (y[0] - y[1])
-    return math.exp(t[0] + share * (t[1] - t[0])), INTERPOLATED
+def ratio_of_times(one: Curve, other: Curve, target: float) -> tuple[float, float, float]:
+    """Time of one method to a target over that of another, with its interval of 95 %.
+
+    Resamples are paired: those of both hold the same seeds. NaN where either is not known to get
+    there.
+    """
+    (mine, my_draws), (theirs, their_draws) = (time_to(curve, target) for curve in (one, other))
+    if not math.isfinite(mine.seconds) or not math.isfinite(theirs.seconds):
+        return (math.nan,) * 3
+    if one is other:
+        return (1.0,) * 3
+    with np.errstate(invalid="ignore"):
+        ratios = my_draws / their_draws
+    return (
+        mine.seconds / theirs.seconds,
+        *percentiles(ratios, max(one.replicates, other.replicates)),
+    )
 
 
-def _beyond(curve: Curve, error: np.ndarray, target: float) -> tuple[float, str]:
+def error_after(curve: Curve, seconds: float) -> tuple[float, np.ndarray]:
+    """Error of a method after a time between those of its points, and that of all resamples."""
+    error = _between(curve.seconds[None], curve.error[None], seconds)
+    return float(error[0]), _between(curve.second_draws, curve.draws, seconds)
+
+
+def _how(curve: Curve, target: float) -> str:
+    below = curve.error <= target
+    if below[0]:
+        return AT_MOST
+    return INTERPOLATED if np.any(below) else EXTRAPOLATED
+
+
+def _why_not(curve: Curve, target: float) -> str:
+    """Whether more samples do not help, or only the times do not tell what they would cost."""
     last = slice(-_LAST_POINTS, None)
-    knob, seconds = curve.knob[last], curve.seconds[last]
-    excess = np.sqrt(np.maximum(error[last] ** 2 - curve.floor**2, 0.0))
-    if target <= curve.floor or len(knob) < 2 or not np.all(excess > 0):
-        return math.inf, NOT_REACHED
-    steep = float(slope(knob, excess))
-    rate = float(np.polyfit(knob, seconds, 1)[0])
-    if not steep < _LEAST_SLOPE or not rate > 0:
-        return math.inf, NOT_REACHED
+    if len(curve.knob) < 2 or np.polyfit(curve.knob[last], curve.seconds[last], 1)[0] > 0:
+        return NOT_REACHED
+    # With times that grow as the knob does, only the error can be in the way.
+    reached = _beyond(curve, curve.knob[None].astype(float), curve.error[None], target)[0]
+    return UNKNOWN if math.isfinite(reached) else NOT_REACHED
+
+
+def _crossings(curve: Curve, seconds: np.ndarray, error: np.ndarray, target: float) -> np.ndarray:
+    """First times at which errors (n, points) are no larger than the target; infinite if never."""
+    e = np.maximum(error, _TINY)
+    below = e <= target
+    rows = np.arange(len(e))
+    after = np.maximum(np.argmax(below, axis=1), 1 if e.shape[1] > 1 else 0)
+    before = np.maximum(after - 1, 0)
+    t0, t1 = np.log(seconds[rows, before]), np.log(seconds[rows, after])
+    y0, y1 = np.log(e[rows, before]), np.log(e[rows, after])
+    with np.errstate(all="ignore"):
+        between = np.exp(t0 + (y0 - math.log(target)) / (y0 - y1) * (t1 - t0))
+    reached = np.where(below[:, 0], seconds[:, 0], between)
+    return np.where(below.any(axis=1), reached, _beyond(curve, seconds, e, target))
+
+
+def _beyond(curve: Curve, seconds: np.ndarray, error: np.ndarray, target: float) -> np.ndarray:
+    """Times beyond the last point; infinite where none is to be expected."""
+    knob, last = curve.knob[-_LAST_POINTS:], seconds[:, -_LAST_POINTS:]
+    never = np.full(len(error), math.inf)
+    if target <= curve.floor or len(knob) < 2:
+        return never
+    excess = np.sqrt(np.maximum(error[:, -_LAST_POINTS:] ** 2 - curve.floor**2, 0.0))
+    steep = slope(knob, excess)
+    rate = np.polyfit(knob, last.T, 1)[0]
     wanted = math.sqrt(target**2 - curve.floor**2)
-    factor = (wanted / float(excess[-1])) ** (1.0 / steep)
-    if factor > _LARGEST_FACTOR:
-        return math.inf, NOT_REACHED
-    return float(seconds[-1] + rate * knob[-1] * (factor - 1.0)), EXTRAPOLATED
+    with np.errstate(all="ignore"):
+        factor = (wanted / excess[:, -1]) ** (1.0 / steep)
+        found = last[:, -1] + rate * knob[-1] * (factor - 1.0)
+    falls = np.all(excess > 0, axis=1) & (steep < _LEAST_SLOPE) & (rate > 0)
+    return np.where(falls & (factor <= _LARGEST_FACTOR), found, never)
+
+
+def _between(seconds: np.ndarray, error: np.ndarray, wanted: float) -> np.ndarray:
+    """Errors after a time, interpolated in log-log; the ends go on as they are."""
+    logs = np.log(np.maximum(error, _TINY))
+    return np.exp(
+        [
+            np.interp(math.log(wanted), np.log(t), e)
+            for t, e in zip(np.sort(seconds, axis=1), logs, strict=True)
+        ]
+    )
