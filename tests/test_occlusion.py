@@ -174,6 +174,40 @@ def test_the_upper_end_of_what_is_not_found_is_an_error_that_may_be_there():
     assert np.sqrt(np.mean([b**2 for _, b in ends])) == pytest.approx(typical, rel=0.12)
 
 
+@pytest.mark.slow
+def test_intervals_of_ray_traced_images_cover_a_planted_error():
+    eye, scene = ic.eyes.navarro(4.0, 2.0), ic.scenes.two_planes()
+    view = {"fov_deg": 2.0, "resolution": 32, "wavelengths_nm": np.array([480.0, 550.0, 620.0])}
+    truth = ic.render(scene, eye, spp=16384, seed=999, progress=False, **view)
+    values = truth.irradiance.values.astype(np.float64)
+    error = 0.01 * values.mean() * np.random.default_rng(0).standard_normal((32, 32))
+    grid = ic.RetinalGrid.of(eye, 2.0, 32)
+    depth = truth.vergence_dpt.values
+    wrong, right = (
+        ic.RetinalImage.from_arrays(grid, view["wavelengths_nm"], v, vergence_dpt=depth)
+        for v in (values + error, values)
+    )
+    planted = occlusion_error(wrong, right).photopic
+    found = [
+        occlusion_error(wrong, ic.render(scene, eye, spp=64, seed=seed, progress=False, **view))
+        for seed in range(60)
+    ]
+    for region in ("strip", "outside"):
+        own, rms = [e.photopic[region] for e in found], planted[region].rms
+        covered = np.mean([e.rms_interval[0] <= rms <= e.rms_interval[1] for e in own])
+        # 60 images know the share to 2.8 %.
+        assert covered >= 0.95 - 3 * 0.028
+        # Before it is clipped at 0.
+        mask = found[0].strip if region == "strip" else ~found[0].strip
+        squares = np.array(
+            [
+                np.mean(e.photopic_difference.values[mask] ** 2.0) / o.level**2 - o.noise**2
+                for e, o in zip(found, own, strict=True)
+            ]
+        )
+        assert squares.mean() == pytest.approx(rms**2, abs=4 * squares.std() / np.sqrt(60))
+
+
 def test_errors_can_be_had_over_pixels_of_one_s_own_choice():
     off = np.ones((24, 60))
     off[:, 28:32] += 0.2
