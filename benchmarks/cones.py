@@ -1,9 +1,11 @@
 """Excitations of cones: how long many frames take, and rendering at the cones against images.
 
-Two questions. How long do 100 000 cones, 31 wavelengths and 100 frames of an eye that moves take?
+Two questions. How long do 100 000 cones, 31 wavelengths and 100 frames of an eye that moves take,
+by a fixation with drift and microsaccades, or by gazes all over the place, which share no pixels?
 Beside it, in the same run, what a user could do with numpy and scipy instead, as ISETBio does:
 weigh the image by the three pigments, blur it by the median aperture, and interpolate it at every
-cone in every frame; with how far that is from the means over the cones' own apertures.
+cone in every frame; with how far that is from the means over the cones' own apertures, and how far
+single precision is from double.
 
 And which way to the excitations of a still scene is nearer to the truth after the same time: an
 image that all cones look at, or rays traced to the apertures alone? Errors are root mean squares
@@ -23,10 +25,11 @@ from common import interleave, machine, save, show, versions
 
 import isetcl as ic
 from isetcl.cones.light_catch import LightCatch
+from isetcl.cones.viewing import Viewing
 
 WAVES = np.arange(400.0, 701.0, 10.0)
 EYE = ic.eyes.navarro(pupil_diameter_mm=3.0, accommodation_dpt=1.0)
-WALK_DEG = 0.002  # a frame, root mean square: about that of a drift in 5 ms
+SCATTER_DEG = 0.8
 
 
 def many_frames(cones: int, frames: int, pixels: int, rounds: int) -> dict[str, Any]:
@@ -36,16 +39,22 @@ def many_frames(cones: int, frames: int, pixels: int, rounds: int) -> dict[str, 
     near = np.argsort(mosaic.eccentricity_deg, kind="stable")[:cones]
     mosaic = mosaic.select(np.sort(near))
     random = np.random.default_rng(0)
-    walk = np.cumsum(random.normal(0.0, WALK_DEG, (frames, 2)), axis=0)
+    walk = ic.cones.eye_movements(0.005 * frames, 0.005, seed=1, microsaccades="statistics").path()
     values = random.uniform(1e-4, 1e-3, (len(WAVES), pixels, pixels)).astype(np.float32)
     grid = ic.RetinalGrid.of(EYE, side + 2.0, pixels)
     image = ic.RetinalImage.from_arrays(grid, WAVES, values)
+    scattered = random.uniform(-SCATTER_DEG, SCATTER_DEG, (frames, 2))
     candidates: dict[str, Callable[[], np.ndarray]] = {
         "isetcl": lambda: mosaic.excitations(image, gaze_deg=walk).mean.values,
+        "isetcl, gazes all over": lambda: mosaic.excitations(image, gaze_deg=scattered).mean.values,
         "blur and interpolate": lambda: blurred(mosaic, image, walk),
     }
     timings = interleave(candidates, rounds)
-    exact, other = (run() for run in candidates.values())
+    exact, other = candidates["isetcl"](), candidates["blur and interpolate"]()
+    some = slice(None, None, max(1, len(mosaic) // 2000))
+    double = mosaic.select(np.arange(len(mosaic))[some]).excitations(
+        image, gaze_deg=walk, precision="double"
+    )
     return {
         "cones": len(mosaic),
         "frames": frames,
@@ -54,6 +63,7 @@ def many_frames(cones: int, frames: int, pixels: int, rounds: int) -> dict[str, 
         "seconds": {name: float(np.median(t.wall_s)) for name, t in timings.items()},
         "cpu_seconds": {name: float(np.median(t.cpu_s)) for name, t in timings.items()},
         "difference_relative_rms": rms(other - exact) / float(exact.mean()),
+        "single_from_double_most": float(np.abs(exact[:, some] / double.mean.values - 1.0).max()),
     }
 
 
@@ -61,12 +71,12 @@ def blurred(mosaic: Any, image: ic.RetinalImage, gaze_deg: np.ndarray) -> np.nda
     """Excitations from an image blurred by the median aperture, (frames, cones).
 
     Macular pigment and outer segments are those of each cone, as one factor of its own; the
-    spectrum of that factor is left out, as ISETBio leaves it out.
+    spectrum of that factor is left out, as ISETBio leaves it out. What no cone looks at is cut off.
     """
     from scipy.ndimage import map_coordinates
     from scipy.signal import oaconvolve
 
-    catch = LightCatch(mosaic, image, ic.cones.Observer())
+    catch = LightCatch(mosaic, image, Viewing())
     efficiency = catch.efficiencies(slice(None))
     radius = float(np.median(catch.apertures[:, 2]))
     half = int(np.ceil(radius))
@@ -74,13 +84,17 @@ def blurred(mosaic: Any, image: ic.RetinalImage, gaze_deg: np.ndarray) -> np.nda
     disc = (np.hypot(rows, columns) <= radius).astype(np.float32)
     result = np.empty((len(gaze_deg), len(mosaic)), dtype=np.float32)
     shifts = catch.shifts(gaze_deg)
+    middle = catch.apertures[:, :2]
+    first = np.maximum(0, middle.min(axis=0) + shifts.min(axis=0) - half - 2).astype(int)
+    end = (middle.max(axis=0) + shifts.max(axis=0) + half + 2).astype(int)
+    values = image.irradiance.values[:, first[1] : end[1], first[0] : end[0]]
     for kind in range(3):
         own = mosaic.types == kind
         typical = efficiency[own].mean(axis=0)
         factor = efficiency[own].sum(axis=1) / typical.sum()
-        seen = np.tensordot(typical.astype(np.float32), image.irradiance.values, axes=1)
+        seen = np.tensordot(typical.astype(np.float32), values, axes=1)
         seen = oaconvolve(seen, disc / disc.sum(), mode="same")
-        at = catch.apertures[own, :2] - 0.5
+        at = middle[own] - first - 0.5
         for frame, (right, down) in enumerate(shifts):
             places = np.stack([at[:, 1] + down, at[:, 0] + right])
             found = map_coordinates(seen, places, order=1, mode="nearest")
@@ -116,7 +130,8 @@ def error_against_time(is_small: bool, rounds: int) -> dict[str, Any]:
     found = {}
     for name, (scene, mosaic, middle, field) in cases(is_small).items():
         reference = mosaic.excitations(
-            ic.render(scene, EYE, at=mosaic, spp=2048 if is_small else 1 << 15, seed=77)
+            ic.render(scene, EYE, at=mosaic, spp=2048 if is_small else 1 << 15, seed=77),
+            media="as_is",
         ).mean.values[0]
         finest = 1e3 * float(mosaic.aperture_deg.min())
         ways: dict[str, list[dict[str, float]]] = {}
@@ -153,7 +168,7 @@ def at_the_cones(scene: ic.Scene, mosaic: Any, spp: int) -> Callable[[], np.ndar
 
     def run() -> np.ndarray:
         light = ic.render(scene, EYE, at=mosaic, spp=spp, progress=False)
-        return np.asarray(mosaic.excitations(light).mean.values[0])
+        return np.asarray(mosaic.excitations(light, media="as_is").mean.values[0])
 
     return run
 
@@ -174,7 +189,7 @@ def by_image(
             spp=spp,
             progress=False,
         )
-        return np.asarray(mosaic.excitations(image).mean.values[0])
+        return np.asarray(mosaic.excitations(image, media="as_is").mean.values[0])
 
     return run
 
@@ -217,6 +232,7 @@ def main() -> None:
         + [(k, s, frames["cpu_seconds"][k]) for k, s in frames["seconds"].items()],
     )
     print(f"  blur and interpolate differs by {frames['difference_relative_rms']:.2g} (r.m.s.)")
+    print(f"  single from double precision by {frames['single_from_double_most']:.2g} at most")
     for name, study in studies.items():
         rows: list[tuple[object, ...]] = [("way", "spp", "s", "error")]
         for way, points in study["ways"].items():

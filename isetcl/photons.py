@@ -9,10 +9,8 @@ import numpy as np
 
 from isetcl.errors import FileError, InvalidInputError
 from isetcl.matlab import numbers
-from isetcl.spectrum import check_wavelengths
+from isetcl.spectrum import check_wavelengths, is_even
 from isetcl.units import NM_PER_M, PLANCK_J_S, SPEED_OF_LIGHT_M_S
-
-_UNEVEN = 1e-6
 
 
 def photons_per_joule(wavelengths_nm: np.ndarray) -> np.ndarray:
@@ -29,8 +27,8 @@ def check_even(what: str, wavelengths_nm: np.ndarray) -> np.ndarray:
         If the steps differ.
     """
     grid = check_wavelengths(wavelengths_nm)
-    steps = np.diff(grid)
-    if len(steps) and np.ptp(steps) > _UNEVEN * grid[-1]:
+    if not is_even(grid):
+        steps = np.diff(grid)
         raise InvalidInputError(
             f"wavelengths of {what} must lie in equal steps for ISETBio, got steps of "
             f"{steps.min():g} to {steps.max():g} nm; render an even grid"

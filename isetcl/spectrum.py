@@ -12,6 +12,7 @@ import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
+from typing import Literal
 
 import numpy as np
 
@@ -27,6 +28,11 @@ from isetcl.units import LUMINOUS_EFFICACY_LM_PER_W
 
 VISIBLE_RANGE_NM = (360.0, 830.0)
 """Range of the CIE 1924 photopic observer, nm."""
+
+Uneven = Literal["refuse", "bins"]
+"""What becomes of wavelengths in unequal steps where a spectrum is summed."""
+
+_UNEVEN = 1e-6  # of the longest wavelength: what files in single precision keep
 
 
 def default_wavelengths_nm() -> np.ndarray:
@@ -52,6 +58,42 @@ def check_wavelengths(wavelengths_nm: Sequence[float] | np.ndarray | float) -> n
     if np.any(np.diff(grid) <= 0):
         raise InvalidInputError(
             f"wavelengths_nm must be strictly ascending, got {grid.tolist()}; sort and de-duplicate"
+        )
+    return grid
+
+
+def is_even(wavelengths_nm: np.ndarray) -> bool:
+    """Whether an ascending grid has equal steps, as exactly as single precision keeps them."""
+    steps = np.diff(wavelengths_nm)
+    return len(steps) == 0 or bool(np.ptp(steps) <= _UNEVEN * wavelengths_nm[-1])
+
+
+def check_even_or_bins(
+    what: str, wavelengths_nm: np.ndarray, uneven_wavelengths: Uneven
+) -> np.ndarray:
+    """Return a grid over which a spectrum may be summed.
+
+    Parameters
+    ----------
+    what
+        Whose wavelengths they are, for the message.
+    uneven_wavelengths
+        ``"refuse"`` asks for equal steps; ``"bins"`` takes others too.
+
+    Raises
+    ------
+    InvalidInputError
+        If steps are unequal and refused, or the grid is no legal one.
+    """
+    check_choice("uneven_wavelengths", uneven_wavelengths, ("refuse", "bins"))
+    grid = check_wavelengths(wavelengths_nm)
+    if uneven_wavelengths == "refuse" and not is_even(grid):
+        steps = np.diff(grid)
+        raise InvalidInputError(
+            f"wavelengths of {what} must lie in equal steps to be summed, got steps of "
+            f"{steps.min():g} to {steps.max():g} nm; render or resample on an even grid, or pass "
+            "uneven_wavelengths='bins', which lets each wavelength stand for the bin half-way to "
+            "its neighbours"
         )
     return grid
 

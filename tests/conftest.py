@@ -1,5 +1,6 @@
 """Fixtures that many tests share."""
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -29,6 +30,20 @@ def precision(request):
 
 
 @pytest.fixture
+def one_register(monkeypatch, device):
+    """Rays side by side in one vector of the hardware instead of four: kernels are built sooner.
+
+    That the number of lanes changes no bit is tested in test_trace_rays.py and test_direct.py.
+    """
+    from isetcl.device.devices import Device
+
+    width = Device.vector_width
+    monkeypatch.setattr(
+        Device, "vector_width", lambda self, precision: max(1, width(self, precision) // 4)
+    )
+
+
+@pytest.fixture
 def few_lanes(monkeypatch):
     """Fewer paths side by side: kernels are built in two thirds of the time."""
     import importlib
@@ -39,7 +54,7 @@ def few_lanes(monkeypatch):
 
 @pytest.fixture
 def shared_kernels(monkeypatch, request):
-    """Paths are followed by kernels that know more than a scene needs, so that scenes share them.
+    """Paths are followed by kernels that know all that scenes can have, so that scenes share them.
 
     Building a kernel takes longer than most tests, and less with fewer lanes; that what is compiled
     in without need changes nothing, nor the lanes, is tested in test_path_kernels.py. Tests
@@ -52,19 +67,11 @@ def shared_kernels(monkeypatch, request):
     request.getfixturevalue("few_lanes")
     plan = importlib.import_module("isetcl.render.plan")
     decide = plan.decide_features
-    always = (
-        *("has_flats", "has_balls", "has_textured_balls", "has_normals", "has_pictures"),
-        *("has_grids", "has_translucent", "has_mirrors", "has_conductors", "has_dielectrics"),
-        *("has_coated", "has_spots", "has_cutouts", "has_levels"),
-    )
 
     def generous(scene, notes):
         features = decide(scene, notes)
-        return (
-            features
-            | dict.fromkeys(always, True)
-            | {"combined_depth": max(3, features["combined_depth"])}
-        )
+        everything = {name: True for name in features if name.startswith("has_")}
+        return features | everything | {"combined_depth": max(3, features["combined_depth"])}
 
     monkeypatch.setattr(plan, "decide_features", generous)
 
@@ -86,6 +93,17 @@ DOUBLE_IS_SLOW = {
 }
 """Images in double precision come from the same sources with another type, and building the kernels
 takes most of the time. Rays, functions of kernels and surfaces are tested in both every time."""
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session):
+    """Collect without looking for garbage: what is made lives on, and looking takes a third."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

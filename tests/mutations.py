@@ -229,6 +229,42 @@ MUTATIONS = (
         ),
     ),
     Mutation(
+        "photopic cones",
+        "illuminance counts as a fourth type of cone in a goal of cone noise",
+        (
+            Edit(
+                "render/film.py",
+                "self._known(slice(self._photopic + 1, None))",
+                "self._known(slice(self._photopic, None))",
+            ),
+        ),
+        ("tests/test_cone_noise.py::test_the_goal_counts_cones_only_however_short_the_time",),
+    ),
+    Mutation(
+        "light beside apertures",
+        "rounding lets receptors see pixels that their aperture does not reach",
+        (
+            Edit(
+                "kernels/cone_excitations.cl",
+                "          share = share > least ? share : (realv)0;\n",
+                "",
+            ),
+        ),
+        ("tests/test_excitations.py::test_light_beside_an_aperture_does_not_reach_it",),
+    ),
+    Mutation(
+        "shares one by one",
+        "the parts of an aperture of thousands of pixels are added up one by one",
+        (
+            Edit(
+                "kernels/cone_excitations.cl",
+                "          row_shares += share;\n",
+                "          shares += share;\n",
+            ),
+        ),
+        ("tests/test_excitations.py::test_apertures_of_many_pixels_are_summed_in_strips",),
+    ),
+    Mutation(
         "fast relaxed math",
         "kernels are built with -cl-fast-relaxed-math",
         (
@@ -239,6 +275,36 @@ MUTATIONS = (
             ),
         ),
         cases(8, 10, 11),
+    ),
+    Mutation(
+        "tails of an edge left out",
+        "light that an edge spreads beyond the region is found, and not put back",
+        (
+            Edit(
+                "validation/transfer/spread.py",
+                "slopes += np.outer(tail.beyond(",
+                "slopes += 0.0 * np.outer(tail.beyond(",
+            ),
+        ),
+        (
+            "tests/test_slanted_edge.py::"
+            "test_the_transfer_of_a_known_edge_is_found[diffraction-0.5-9.46]",
+        ),
+    ),
+    Mutation(
+        "light along an edge believed",
+        "brightness that changes along an edge counts as a turn of its line",
+        (
+            Edit(
+                "validation/transfer/spread.py",
+                "design = np.concatenate([turns, found.gradients(values)], axis=1)",
+                "design = turns",
+            ),
+        ),
+        (
+            "tests/test_slanted_edge.py::"
+            "test_light_that_falls_off_along_the_edge_does_not_turn_it[7.0]",
+        ),
     ),
     Mutation(
         "cone noise of the mean",

@@ -30,7 +30,7 @@ EVERYTHING = {
     field.name: True
     for field in dataclasses.fields(PathConfig)
     if field.name.startswith("has_") and field.name not in _OF_THE_EYE
-} | {"combined_depth": 2}
+} | {"combined_depth": 3}
 """Changes of a configuration that compile all features of scenes in, so that scenes share one
 kernel."""
 

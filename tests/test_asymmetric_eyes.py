@@ -122,7 +122,7 @@ def test_pupils_and_throughput_of_a_figure_of_revolution_are_the_same_in_two_ang
 
 
 @pytest.mark.parametrize("field", [(0.0, 0.0), (3.0, 10.0), (-20.0, 15.0)])
-@pytest.mark.parametrize("distance_m", [np.inf, 0.3])
+@pytest.mark.parametrize("distance_m", slow_after(1, [0.3, np.inf]))
 def test_wavefronts_of_a_figure_of_revolution_are_the_same_in_two_angles(field, distance_m):
     eye = ic.eyes.navarro(4.0)
     one = eye.wavefront(field, NM, object_distance_m=distance_m)

@@ -6,7 +6,14 @@ from test_bad_input import JUNK, SCENE
 from test_discrimination import excitations_of
 
 import isetcl as ic
-from isetcl.cones import ConeMosaic, DriftModel, EyeMovements, Microsaccades, OuterSegment
+from isetcl.cones import (
+    ConeMosaic,
+    DriftModel,
+    EyeMovements,
+    Microsaccades,
+    OuterSegment,
+    Viewing,
+)
 from isetcl.cones.photocurrent import photocurrent_noise
 
 SEEN = excitations_of([3.0, 4.0, 5.0])
@@ -32,6 +39,11 @@ def turning(gaze_deg=((0.0, 0.0),), **options):
 
 # One argument of each call is junk; some junk is legal, which is no error either.
 CALLS = {
+    "segments": lambda x: Viewing(segments=x),
+    "uneven wavelengths": lambda x: Viewing(uneven_wavelengths=x),
+    "media of a viewing": lambda x: Viewing(media=x),
+    "viewing": lambda x: MOSAIC.places(x),
+    "receptors": lambda x: ic.Places(MOSAIC.positions_deg, np.ones(2), receptors=x),
     "duration": lambda x: ic.cones.eye_movements(x),
     "frame time": lambda x: ic.cones.eye_movements(0.1, x),
     "trials": lambda x: ic.cones.eye_movements(0.1, trials=x),

@@ -16,6 +16,8 @@ from isetcl.eye.prescription import ElementKind, elements
 from isetcl.render import pack
 from isetcl.render.kernel_config import KernelConfig
 
+pytestmark = pytest.mark.usefixtures("one_register")
+
 PROBES = Path(__file__).parent / "probes" / "bend.cl"
 EPSILON = {"single": 2.0**-24, "double": 2.0**-53}
 MODELS = {

@@ -26,6 +26,8 @@ from isetcl.render.plan_bends import AUTO_BOUND, mtf_errors
 from isetcl.retina.bands import choose_bands
 from isetcl.spectrum import luminous_efficiency
 
+pytestmark = pytest.mark.usefixtures("one_register")
+
 WAVELENGTH = 550.0
 GREEN = np.array([WAVELENGTH])
 PERFECT = reduced_eye(2.0)

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from oracles import estimate
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.render import sobol
@@ -111,7 +112,11 @@ def compare(scene, eye, precision, *, fov_deg=5.0, centre_deg=(0.0, 0.0), sample
     return np.array(differences) / largest
 
 
-@pytest.mark.parametrize("name", scenes())
+RARE = {"background", "leaning quad", "grey image", "coloured images"}
+"""Scenes of the slow tests: the others use every feature, too."""
+
+
+@pytest.mark.parametrize("name", slow_after(6, sorted(scenes(), key=RARE.__contains__)))
 def test_every_kind_of_scene_agrees_with_the_estimator(name, precision):
     changes = {"is_texture_packed": False} if "colour" in name else {}
     difference = compare(scenes()[name], ic.eyes.navarro(4.0, 2.0), precision, **changes)
@@ -155,7 +160,8 @@ def test_every_kind_of_eye_agrees_with_the_estimator(eye, fov, centre, precision
 
 
 @pytest.mark.parametrize(
-    "feature", ["has_conics", "has_far_side", "has_semi_diameters", "has_aspheric_retina"]
+    "feature",
+    slow_after(1, ["has_far_side", "has_conics", "has_semi_diameters", "has_aspheric_retina"]),
 )
 def test_a_feature_that_is_compiled_in_but_not_needed_changes_nothing(feature):
     scene = scenes()["two planes"]

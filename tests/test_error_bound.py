@@ -8,6 +8,7 @@ import pytest
 import random_planes
 from layers import combined, layer
 from oracles import reduced_eye
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.psf_baseline import (
@@ -106,7 +107,8 @@ def step(n=32, near=0.4, far=0.7, hidden=False):
 
 
 @pytest.mark.parametrize(
-    "method", ["gather", "layered_sum", "layered_normalized", "layered_over_visible", "ikoma"]
+    "method",
+    slow_after(2, ["gather", "layered_sum", "layered_normalized", "layered_over_visible", "ikoma"]),
 )
 def test_the_prediction_at_a_straight_edge_is_the_closed_form(method):
     n = 32
@@ -225,7 +227,7 @@ def test_of_psfs_that_change_over_the_field_a_quarter_of_its_part_is_left():
 
 
 @pytest.mark.parametrize("field", [(0.0, 0.0), (12.0, -9.0)])
-@pytest.mark.parametrize("vergence", [0.0, 4.0])
+@pytest.mark.parametrize("vergence", slow_after(1, [4.0, 0.0]))
 def test_the_reach_of_a_view_is_that_of_its_psfs(field, vergence):
     eye = ic.eyes.navarro(4.0, 1.0)
     reach, psf = (

@@ -12,6 +12,8 @@ import isetcl as ic
 from isetcl.eye.prescription import elements
 from isetcl.eye.rays import RayStatus
 
+pytestmark = pytest.mark.usefixtures("one_register")
+
 REAL = {"single": np.float32, "double": np.float64}
 
 

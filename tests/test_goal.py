@@ -19,13 +19,13 @@ class Clock:
         monkeypatch.setattr(time, "perf_counter", lambda: self.now)
 
 
-class SlowingFilm:
-    """A film that was quick when it was timed, and is slower by `factor` ever after."""
+class TimedFilm:
+    """A film that takes `factor` times as long as it was thought to when it was timed."""
 
     pixels, is_dark = 10_000, False
 
-    def __init__(self, clock, factor):
-        self.clock, self.factor = clock, factor
+    def __init__(self, clock, factor, thought_s=1e-3):
+        self.clock, self.factor, self.thought_s = clock, factor, thought_s
         self.sizes = []
 
     replicates = property(lambda self: len(self.sizes))
@@ -38,11 +38,11 @@ class SlowingFilm:
         self.sizes = []
 
     def seconds_per_sample(self):
-        return 1e-3
+        return self.thought_s
 
     def add_replicate(self, samples):
         for part in range(1, 11):
-            self.clock.now += 1e-3 * self.factor * samples / 10
+            self.clock.now += self.thought_s * self.factor * samples / 10
             if part == 10:
                 self.sizes.append(samples)
             yield part / 10
@@ -52,13 +52,24 @@ class SlowingFilm:
 def test_a_time_budget_is_kept_on_a_machine_that_slows_down(monkeypatch, factor, end_s):
     """A replicate is given up at the deadline, unless there would be no error without it."""
     clock = Clock(monkeypatch)
-    film = SlowingFilm(clock, factor)
+    film = TimedFilm(clock, factor)
     for _ in Goal(None, 10.0, None, 0.0).work(film):
         pass
     assert clock.now <= end_s
     assert film.replicates >= 2
     if factor == 1.0:
         assert clock.now > 8.5
+
+
+def test_a_budget_for_a_few_samples_is_used_up(monkeypatch):
+    """Where a sample of the whole image takes long, the pilot is short and is continued."""
+    clock = Clock(monkeypatch)
+    film = TimedFilm(clock, 0.2, thought_s=0.1)
+    for _ in Goal(None, 1.5, None, 0.0).work(film):
+        pass
+    # 15 samples seemed affordable: two replicates of 6; more followed while there was time.
+    assert set(film.sizes) == {6}
+    assert 1.5 - 6 * 0.1 <= clock.now <= 1.5
 
 
 def test_the_pace_is_that_of_the_whole_image(monkeypatch):

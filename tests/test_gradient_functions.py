@@ -14,6 +14,8 @@ from isetcl.eye.gradient_path import PlacedGradient, propagate
 from isetcl.eye.prescription import Element, ElementKind
 from isetcl.render import pack
 
+pytestmark = pytest.mark.usefixtures("one_register")
+
 PROBES = Path(__file__).parent / "probes" / "gradients.cl"
 CUBIC = PolynomialGradient(((1.37, -0.002, 1e-5), (0.049, 3e-4), (-0.015, 2e-5), (1e-3,)))
 SHELLS = ShellGradient(1.415, 1.370, 1.7, 1.7, 4.6, 3.3)

@@ -24,6 +24,8 @@ from isetcl.eye.sequential import trace as host_trace
 from isetcl.eye.sequential import trace_elements
 from isetcl.eye.surface import Surface
 
+pytestmark = pytest.mark.usefixtures("one_register")
+
 LIOU_NM = 555.0
 TA, TB, RE = 1.7, 2.3, 4.6  # the shells of the tests: axial semi-axes in front and behind, radial
 

@@ -44,6 +44,15 @@ def test_a_horizontal_line_at_the_side_moves_by_a_smaller_visual_angle():
     assert found.normal == pytest.approx((0.0, 1.0))
 
 
+def test_a_region_leaves_out_pixels_that_are_none():
+    image = line_image([-4.0, 1.0, 0.0])
+    image.irradiance.values[:, :3] = np.nan
+    found = measured_tca(image, region=(4, 32, 0, 80))
+    np.testing.assert_allclose(found.shift_arcmin, [-4.0, 1.0, 0.0], atol=1e-2)
+    with pytest.raises(ic.InvalidInputError, match="choose a region without them"):
+        measured_tca(image)
+
+
 def test_the_standard_error_is_the_scatter_of_centroids():
     found = measured_tca(line_image(np.zeros(40), noise=2e-3))
     clear = found.shift_arcmin - np.mean(found.shift_arcmin)

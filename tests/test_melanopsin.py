@@ -105,3 +105,14 @@ def test_a_lens_before_the_retina_takes_what_it_absorbs():
 def test_what_melanopsin_cannot_see_is_refused(call, message):
     with pytest.raises(InvalidInputError, match=message):
         call()
+
+
+def test_melanopic_irradiance_of_uneven_wavelengths_wants_leave():
+    image = image_of(np.ones(3), np.array([450.0, 460.0, 490.0]))
+    with pytest.raises(InvalidInputError, match="got steps of 10 to 30 nm"):
+        melanopic_irradiance(image)
+    # Bins of 10, 20 and 30 nm.
+    sensitivity = Observer().melanopsin_absorptance(WAVES) * WAVES
+    own = np.interp([450.0, 460.0, 490.0], WAVES, sensitivity / sensitivity.max())
+    found = melanopic_irradiance(image, uneven_wavelengths="bins")
+    np.testing.assert_allclose(found, own @ [10.0, 20.0, 30.0], rtol=1e-4)

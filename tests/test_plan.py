@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from oracles import reduced_eye
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.device.eye_features import EyeFeatures
@@ -162,7 +163,7 @@ def test_tiles_cover_the_image_once(monkeypatch):
 
 
 @pytest.mark.parametrize("stop_mm", [0.1, 2.0, 8.0])
-@pytest.mark.parametrize("limit", [0.5, 10.0, 40.0, 75.0])
+@pytest.mark.parametrize("limit", slow_after(2, [0.5, 75.0, 10.0, 40.0]))
 @pytest.mark.parametrize("name", ["navarro", "arizona", "legrand"])
 def test_the_pupil_bound_misses_no_light(name, stop_mm, limit):
     # Shoot many rays at a region 20 % wider than the bound: all that pass lie inside it.

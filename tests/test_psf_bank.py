@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from oracles import reduced_eye
 from scipy.signal import fftconvolve
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.psf_baseline import Psf, PsfBank, PsfCache
@@ -255,7 +256,9 @@ def test_the_number_of_patches_follows_from_the_bound():
     assert bank(kind="disc").patches_needed(550.0, [0.6], *where, bound=0.01) == 1
 
 
-@pytest.mark.parametrize("method", ["layered_sum", "layered_over", "single", "gather"])
+@pytest.mark.parametrize(
+    "method", slow_after(2, ["layered_over", "gather", "layered_sum", "single"])
+)
 def test_tiles_change_nothing(method, monkeypatch):
     """On even objects; where textures are refined depends on the range of a tile's colours."""
     scene = ic.scenes.two_planes(edge_angle_deg=20.0, texture="uniform")

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from oracles import reduced_eye
+from slow_cases import slow_after
 
 import isetcl as ic
 from isetcl.eye.bending.ray_bending import Hurb
@@ -30,7 +31,7 @@ def square(frequency, pitch=FINE):
     return np.sinc(frequency * pitch)
 
 
-@pytest.mark.parametrize("pitch", [0.5, 0.02])
+@pytest.mark.parametrize("pitch", slow_after(1, [0.02, 0.5]))
 @pytest.mark.parametrize("name", KINDS)
 def test_a_kernel_and_what_is_outside_hold_all_light(name, pitch):
     psf = KINDS[name](EYE, 550.0, 1.0, pitch)

@@ -152,8 +152,8 @@ def test_other_seeds_give_other_noise():
 
 @pytest.mark.parametrize(
     "change",
-    [{"spp": 128}, {"bands": 8}, {"precision": "double"}, {"seed": 5}],
-    ids=["spp", "bands", "precision", "seed"],
+    slow_after(2, [{"bands": 8}, {"precision": "double"}, {"spp": 128}, {"seed": 5}]),
+    ids=["bands", "precision", "spp", "seed"],
 )
 def test_the_image_does_not_depend_on_how_it_was_computed(change):
     scene, eye = ic.scenes.two_planes(texture="uniform"), ic.eyes.navarro(3.0, 2.0)
@@ -219,18 +219,6 @@ def test_a_time_budget_is_kept():
     elapsed = time.perf_counter() - start
     assert elapsed < 2.5
     assert image.provenance["samples_per_pixel"] > 32
-
-
-def test_a_budget_for_a_few_samples_is_used_up(monkeypatch):
-    """Where a sample of the whole image takes long, the pilot is short and is continued."""
-    from isetcl.render.film import Film
-
-    monkeypatch.setattr(Film, "seconds_per_sample", lambda film: 0.1)
-    options = {"resolution": 8, "bands": 1, "time_budget_s": 1.5}
-    image = ic.render(ic.scenes.two_planes(), ic.eyes.navarro(), **options)
-    # 15 samples seemed affordable: two replicates of 5; more followed while there was time.
-    assert image.provenance["samples_per_pixel"] > 10
-    assert image.provenance["samples_per_pixel"] % 5 == 0
 
 
 def test_an_impossible_time_budget_still_gives_an_image_with_an_error():

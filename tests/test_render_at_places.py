@@ -11,6 +11,8 @@ from isetcl.eye.throughput import axial_irradiance_per_radiance
 from isetcl.render.plan import plan
 from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid, Places, mean_and_error
 
+pytestmark = pytest.mark.filterwarnings("ignore:this light was rendered without")
+
 EYE = ic.eyes.navarro(pupil_diameter_mm=3.0, accommodation_dpt=1.0)
 WAVES = np.array([450.0, 500.0, 550.0, 600.0, 650.0])
 EDGE = ic.scenes.slanted_edge(1.0, 0.0, contrast=1.0)
@@ -286,6 +288,10 @@ def test_what_cannot_be_rendered_at_is_refused(cones, at_the_cones):
         cones.moved((0.01, 0.0)).excitations(light)
     with pytest.raises(InvalidInputError, match="gaze_deg needs an image"):
         cones.excitations(light, gaze_deg=np.zeros((2, 2)))
+    uneven = ic.render(EDGE, EYE, at=cones, spp=2, wavelengths_nm=[500.0, 550.0, 610.0])
+    with pytest.raises(InvalidInputError, match="got steps of 50 to 60 nm"):
+        cones.excitations(uneven)
+    assert cones.excitations(uneven, uneven_wavelengths="bins").mean.shape == (1, len(cones))
     single = ic.render(EDGE, EYE, at=cones, spp=2, wavelengths_nm=[550.0])
     with pytest.raises(InvalidInputError, match="at least 2 wavelengths"):
         cones.excitations(single)

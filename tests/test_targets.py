@@ -510,6 +510,20 @@ def test_an_edge_with_a_step_stays_on_the_axis(step):
     np.testing.assert_allclose(distance, (1.0 - step / 2, 1.0 + step / 2), rtol=1e-5)
 
 
+@pytest.mark.parametrize("step", [0.4, -0.4, 0.0])
+@pytest.mark.parametrize("angle", [10.0, 100.0])
+def test_an_edge_may_lie_beside_the_axis(angle, step):
+    scene = ic.scenes.slanted_edge(1.0, angle, depth_step_m=step, offset_m=0.25)
+    turn = math.radians(angle)
+    along = np.array([-math.sin(turn), math.cos(turn), 0.0])
+    across = np.array([math.cos(turn), math.sin(turn), 0.0])
+    near = 1.0 - abs(step) / 2.0
+    for height in (-0.2, 0.0, 0.3):
+        for off, name in ((0.249, "bright side"), (0.251, "dark side"), (-0.3, "bright side")):
+            ray = np.array([0.0, 0.0, -near]) + height * along + off * across
+            assert seen(scene, ray) == [name]
+
+
 def test_points_lie_at_even_field_angles_on_a_sphere():
     scene = ic.scenes.point_grid(0.8, count=(5, 3), spacing_deg=7.0, diameter_arcmin=3.0)
     assert len(scene.objects) == 15
@@ -530,6 +544,8 @@ def test_points_lie_at_even_field_angles_on_a_sphere():
     [
         lambda: ic.scenes.slanted_edge(1.0, depth_step_m=2.0),
         lambda: ic.scenes.slanted_edge(1.0, depth_step_m=math.nan),
+        lambda: ic.scenes.slanted_edge(1.0, offset_m=math.inf),
+        lambda: ic.scenes.slanted_edge(1.0, offset_m=-2.0),
         lambda: ic.scenes.point_grid(count=5),
         lambda: ic.scenes.point_grid(count=(0, 5)),
         lambda: ic.scenes.point_grid(count=(37, 37)),

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from oracles import PEERS_RAYS, mp_trace, peers_eye
+from slow_cases import slow_after
 from test_sequential import hard_rays
 
 import isetcl as ic
@@ -252,7 +253,7 @@ def test_a_mirrored_bundle_gives_the_mirrored_result_bit_for_bit(precision):
     np.testing.assert_array_equal(one.positions_mm * flip, other.positions_mm)
 
 
-@pytest.mark.parametrize("width", [1, 8, 16, 32, 64])
+@pytest.mark.parametrize("width", slow_after(2, [1, 16, 8, 32, 64]))
 def test_the_vector_width_does_not_change_a_bit(device, precision, width):
     if not device.is_cpu:
         pytest.skip("vectors wider than one lane are for CPUs")

@@ -126,6 +126,7 @@ def cones(
     focus = inputs.vergence(accommodation)
     options = goal_of(spp, error, render_time) | {"seed": seed, "device": device}
     looking = {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
+    looking["media"] = "as_is"  # the lens is the light's own, or left out by --age 0
     try:
         with as_notes():
             saved = _loaded(source, wanted, mat=mat) if is_image else None

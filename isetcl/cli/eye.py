@@ -17,12 +17,13 @@ import typer
 
 from isetcl.cli import inputs
 from isetcl.cli.interrupt import end_interrupted
-from isetcl.errors import InvalidInputError, check_count, check_positive
+from isetcl.errors import InvalidInputError, check_choice, check_count, check_positive
 
 if TYPE_CHECKING:
     from isetcl.eye.aberrations.mtf_table import MtfTable
     from isetcl.eye.model import Eye
     from isetcl.eye.people.population import Population
+    from isetcl.validation.transfer.three_mtfs import Section
 
 _EYE_HELP = "A model eye by its name, such as navarro, or a file: .json, .zmx or .dat."
 _PUPIL_HELP = "Diameter of the stop (iris), mm (default: 4, or that of the file)."
@@ -103,6 +104,13 @@ def mtf(
         Path | None,
         typer.Option(help="Zernike statistics of people for --plot: .npz, .mat or .csv."),
     ] = None,
+    section: Annotated[
+        str | None,
+        typer.Option(
+            help="What --plot draws off the axis: sagittal (across stripes along the field; the "
+            "default) or tangential."
+        ),
+    ] = None,
     spp: Annotated[int, typer.Option(help="Samples a pixel and band of that image.")] = 256,
 ) -> None:
     """Print the MTF of an eye: one wavelength and photopic light, with and without diffraction."""
@@ -120,6 +128,7 @@ def mtf(
     model, object_distance = _model(_only(name, eye_name), pupil, accommodation, distance)
     _check_objects(model, [field], wavelength, object_distance)
     people = _people(plot, population)
+    drawn = _section(plot, section)
     folder = Path("isetcl-mtf") if plot and output is None else output
     if folder is not None:
         _check_folder(folder)
@@ -140,7 +149,7 @@ def mtf(
 
         view = (field, object_distance, max(60.0, *frequencies), step, spp)
         try:
-            picture, rows, summary = mtf_drawing.three_ways(model, view, people)
+            picture, rows, summary = mtf_drawing.three_ways(model, view, people, drawn)
         except KeyboardInterrupt:
             end_interrupted(" before the edge was measured")
         _save(picture, folder / "three_mtfs.png", 110)
@@ -191,6 +200,16 @@ def _people(plot: bool, file: Path | None) -> Population | None:
     if file is not None and not plot:
         raise InvalidInputError("--population is drawn by --plot only; add --plot")
     return None if file is None else load_population(file)
+
+
+def _section(plot: bool, section: str | None) -> Section:
+    """The section to draw."""
+    if section is None:
+        return "sagittal"
+    if not plot:
+        raise InvalidInputError("--section is drawn by --plot only; add --plot")
+    wanted = check_choice("--section", section, ("sagittal", "tangential"))
+    return "tangential" if wanted == "tangential" else "sagittal"
 
 
 def _numbers(option: str, text: str, example: str) -> tuple[float, ...]:

@@ -16,13 +16,16 @@ if TYPE_CHECKING:
     from isetcl.eye.model import Eye
     from isetcl.eye.people.population import Population
     from isetcl.validation.transfer.population_band import PopulationBand
-    from isetcl.validation.transfer.three_mtfs import ThreeMtfs
+    from isetcl.validation.transfer.three_mtfs import Section, ThreeMtfs
 
 _LEAST_STEP_NM = 20.0
 
 
 def three_ways(
-    eye: Eye, view: tuple[float, float, float, float, int], people: Population | None
+    eye: Eye,
+    view: tuple[float, float, float, float, int],
+    people: Population | None,
+    section: Section = "sagittal",
 ) -> tuple[Figure, str, str]:
     """The picture, its numbers as CSV, and a line that says how well the ways agree.
 
@@ -33,6 +36,8 @@ def three_ways(
         wavelengths (nm), samples a pixel.
     people
         Statistics for the band; None takes published percentiles, where there are any.
+    section
+        Which blur off the axis.
     """
     from matplotlib.figure import Figure
 
@@ -50,6 +55,7 @@ def three_ways(
         model="diffraction",
         largest_cpd=highest,
         field_deg=field,
+        section=section,
         object_distance_m=distance,
         spp=spp,
     )
@@ -59,7 +65,7 @@ def three_ways(
     axes = draw_with_people(found, pupil, band, figure.subplots())
     axes.set_title(
         f"{eye.name}, {eye.stop.diameter_mm:g} mm stop ({pupil:.3g} mm entrance pupil), "
-        f"{field:g}°, photopic light",
+        f"{field:g}°{f' {section}' if field else ''}, photopic light",
         fontsize="medium",
     )
     return figure, _rows(found, band), _summary(found)
@@ -98,7 +104,9 @@ def _rows(found: ThreeMtfs, band: PopulationBand | None) -> str:
 def _summary(found: ThreeMtfs) -> str:
     pairs = ", ".join(f"{pair} {value:.3f}" for pair, value in found.differences().items())
     error = float(np.max(found.slanted_edge_error))
+    beyond = 100.0 * found.measured.beyond
     return (
-        f"largest differences: {pairs}; standard error of the edge up to {error:.3f}\n"
+        f"largest differences: {pairs}; standard error of the edge up to {error:.3f}, with "
+        f"{beyond:.2f} % of its light found beyond the image and put back\n"
         "(rays, in the edge and the line spread, do not interfere; the wavefront does)"
     )

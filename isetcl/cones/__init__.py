@@ -21,6 +21,7 @@ from isetcl.cones.outer_segment import OuterSegment
 from isetcl.cones.photocurrent import Photocurrent, photocurrent
 from isetcl.cones.receptors import ReceptorType
 from isetcl.cones.turning_eye import excitations_of_turning_eye
+from isetcl.cones.viewing import Viewing
 
 __all__ = [
     "ConeMosaic",
@@ -34,6 +35,7 @@ __all__ = [
     "OuterSegment",
     "Photocurrent",
     "ReceptorType",
+    "Viewing",
     "contrast",
     "contrast_image",
     "discriminate",

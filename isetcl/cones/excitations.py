@@ -7,7 +7,7 @@ import json
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from isetcl.cones.light_catch import LightCatch
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.observer import Observer
 from isetcl.cones.receptors import ReceptorType
+from isetcl.cones.viewing import MediaChoice, Segments, Viewing, media_to_pass
 from isetcl.errors import (
     InvalidInputError,
     check_choice,
@@ -28,6 +29,7 @@ from isetcl.errors import (
 from isetcl.netcdf import load_dataset, save_dataset
 from isetcl.retina.image import RetinalImage
 from isetcl.retina.places import IrradianceAtPlaces
+from isetcl.spectrum import Uneven
 
 if TYPE_CHECKING:
     import xarray
@@ -213,7 +215,9 @@ def excitations(
     frame_time_s: float | None = None,
     dark_rate_hz: float = 0.0,
     has_macular_pigment: bool = True,
-    segments: Literal["spectral", "mean", "none"] = "spectral",
+    segments: Segments = "spectral",
+    media: MediaChoice = None,
+    uneven_wavelengths: Uneven = "refuse",
     seed: int = 0,
     precision: Precision = "single",
     device: str | None = None,
@@ -221,13 +225,12 @@ def excitations(
     """Mean excitations of every receptor of a mosaic.
 
     The spectral irradiance is averaged over each receptor's own aperture, exactly in area, and
-    weighted by its pigment behind the macular pigment of its own eccentricity. Media in front of
-    the retina belong to the image: render with ``media=``, or put them there by
-    `RetinalImage.through`; without a lens S cones catch several times as much.
+    weighted by its pigment behind the macular pigment of its own eccentricity. The lens and other
+    media in front of the retina are the image's, by ``render(..., media=...)`` or
+    `RetinalImage.through`, or `media` here; without them S cones catch several times as much.
 
-    The spectrum is summed in bins that reach half-way to the neighbours, as in the image's
-    illuminance, so that steps need not be even; they should be fine enough for the spectrum, 10 nm
-    for smooth ones.
+    The spectrum is the sum over wavelengths times their step, which should be fine enough for it,
+    10 nm for smooth ones.
 
     Parameters
     ----------
@@ -254,6 +257,14 @@ def excitations(
         Outer segments shorten with eccentricity, and pigments with them: ``"spectral"``, by each
         wavelength; ``"mean"``, by the mean over wavelengths for L cones, as ISETBio does;
         ``"none"``, not at all.
+    media
+        Ocular media that the light has yet to pass: `isetcl.OcularMedia` or
+        ``isetcl.retina.transmittance(age)``. None takes what the light has come through, with a
+        warning where that is no lens although isetcl rendered it; ``"as_is"`` is silent. Light of
+        arrays and files is taken to have come through its lens.
+    uneven_wavelengths
+        ``"refuse"`` wants wavelengths in equal steps. ``"bins"`` takes others: each wavelength
+        stands for the bin that reaches half-way to its neighbours, as in the image's illuminance.
     seed
         Seed of `Excitations.counts`.
     precision, device
@@ -262,14 +273,16 @@ def excitations(
     Raises
     ------
     InvalidInputError
-        If receptors look beyond the image, or an argument is out of range.
+        If receptors look beyond the image, wavelengths lie in unequal steps, media or macular
+        pigment would count twice, or an argument is out of range.
     OutOfMemoryError
         If the means do not fit; their size is said.
 
     Warns
     -----
     UserWarning
-        If pixels are wider than the smallest aperture; the resolution needed is said.
+        If pixels are wider than the smallest aperture; the resolution needed is said. If light that
+        isetcl rendered has come through no lens; see `media`.
     """
     check_type("mosaic", mosaic, ConeMosaic)
     check_type("image", image, (RetinalImage, IrradianceAtPlaces))
@@ -282,12 +295,16 @@ def excitations(
     check_count("seed", seed, 0, (1 << 63) - 1)
     if not (np.isfinite(check_number("dark_rate_hz", dark_rate_hz)) and dark_rate_hz >= 0):
         raise InvalidInputError(f"dark_rate_hz must be finite and >= 0 Hz, got {dark_rate_hz}")
-    check_choice("segments", segments, ("spectral", "mean", "none"))
     gaze = np.zeros((1, 2)) if gaze_deg is None else check_vectors("gaze_deg", gaze_deg, width=2)
     if len(gaze) == 0:
         raise InvalidInputError("gaze_deg must have at least one frame, got none")
-    watcher = Observer() if observer is None else observer
-    check_type("observer", watcher, Observer)
+    viewing = Viewing(
+        Observer() if observer is None else observer,
+        segments,
+        has_macular_pigment,
+        media_to_pass(image, media, stacklevel=3),
+        uneven_wavelengths,
+    )
     error = None
     if isinstance(image, IrradianceAtPlaces):
         if gaze_deg is not None:
@@ -295,11 +312,11 @@ def excitations(
                 "gaze_deg needs an image: light rendered at the receptors is that of an eye at "
                 "rest; render a RetinalImage, or render at mosaic.moved(gaze) frame by frame"
             )
-        rate, rate_error = rates_at_places(mosaic, image, watcher, segments, has_macular_pigment)
+        rate, rate_error = rates_at_places(mosaic, image, viewing)
         error = (rate_error * integration_time_s)[None]
         mean = (rate * integration_time_s)[None].astype(mean_type(0.0, precision).dtype)
     else:
-        catch = LightCatch(mosaic, image, watcher, segments, has_macular_pigment)
+        catch = LightCatch(mosaic, image, viewing)
         catch.check_inside(gaze)
         catch.check_memory(len(gaze), precision)
         if catch.is_coarse:
@@ -310,9 +327,7 @@ def excitations(
     details = {
         "integration_time_s": integration_time_s,
         "dark_rate_hz": dark_rate_hz,
-        "observer": watcher.describe(),
-        "segments": segments,
-        "has_macular_pigment": has_macular_pigment,
+        **viewing.describe(),
         "mosaic": mosaic.provenance,
         "image": image.provenance,
     }

@@ -10,6 +10,7 @@ import numpy as np
 from isetcl.cones.mosaic import ConeMosaic
 from isetcl.cones.observer import Observer
 from isetcl.cones.receptors import ReceptorType, outer_segment_um
+from isetcl.cones.viewing import Viewing
 from isetcl.errors import InvalidInputError
 from isetcl.eye.people.macular_pigment import macular_fraction
 from isetcl.memory import check_memory
@@ -30,24 +31,20 @@ class ReceptorEfficiency:
 
     Parameters
     ----------
-    mosaic, observer
-        Who looks, with which pigments.
+    mosaic, viewing
+        Who looks, with which pigments and behind what.
     wavelengths_nm
         Of the light.
-    segments, has_macular_pigment
-        As in `isetcl.cones.excitations`.
+
+    Raises
+    ------
+    InvalidInputError
+        If wavelengths lie in unequal steps, and that is not allowed.
     """
 
-    def __init__(
-        self,
-        mosaic: ConeMosaic,
-        wavelengths_nm: np.ndarray,
-        observer: Observer,
-        segments: str = "spectral",
-        has_macular_pigment: bool = True,
-    ) -> None:
-        self._mosaic, self._grid, self._observer = mosaic, wavelengths_nm, observer
-        self._segments, self._has_macular = segments, has_macular_pigment
+    def __init__(self, mosaic: ConeMosaic, wavelengths_nm: np.ndarray, viewing: Viewing) -> None:
+        self._mosaic, self._viewing = mosaic, viewing
+        self._grid = viewing.check_wavelengths(wavelengths_nm)
 
     def efficiencies(self, receptors: slice) -> np.ndarray:
         """Excitations a second per W m^-2 nm^-1 at each wavelength, (receptors, wavelengths)."""
@@ -55,23 +52,25 @@ class ReceptorEfficiency:
         types = self._mosaic.types[receptors]
         eccentricity = self._mosaic.eccentricity_deg[receptors]
         efficiency = self._pigments(types, self._mosaic.outer_segment_um[receptors])
-        if self._has_macular:
-            density = self._observer.macular_density(grid)
-            efficiency = efficiency * 10.0 ** (-macular_fraction(eccentricity)[:, None] * density)
+        if self._viewing.has_macular_pigment:
+            density = self._viewing.observer.macular_density(grid)
+            exponent = -np.log(10.0) * density  # exp costs a fraction of a power of ten
+            efficiency *= np.exp(macular_fraction(eccentricity)[:, None] * exponent)
         area_m2 = np.pi * (0.5e-6 * self._mosaic.aperture_um[receptors]) ** 2
         photons = grid / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)
-        return np.asarray(efficiency * area_m2[:, None] * photons)
+        passed = self._viewing.transmittance(grid)
+        return np.asarray(efficiency * area_m2[:, None] * (photons * passed))
 
     def _pigments(self, types: np.ndarray, segment_um: np.ndarray) -> np.ndarray:
         """Excitations per photon of every receptor, (receptors, wavelengths)."""
-        observer, grid = self._observer, self._grid
+        observer, grid = self._viewing.observer, self._grid
         efficiency = np.empty((len(types), len(grid)))
         is_rod = types == ReceptorType.ROD
         if np.any(is_rod):
             efficiency[is_rod] = observer.rod_efficiency(grid)
         fraction = segment_um / float(outer_segment_um(np.zeros(1))[0])
         foveal = observer.quantal_efficiency(grid)
-        if self._segments == "spectral":
+        if self._viewing.segments == "spectral":
             exponent = -np.log(10.0) * observer.absorbances(grid)
             for kind, density in enumerate(observer.optical_densities):
                 chosen = types == kind
@@ -80,7 +79,7 @@ class ReceptorEfficiency:
             efficiency[~is_rod] *= observer.photon_efficiency
             return efficiency
         factor = np.ones(len(types))
-        if self._segments == "mean":
+        if self._viewing.segments == "mean":
             factor = mean_segment_factor(observer, grid, fraction)
         cones = ~is_rod
         efficiency[cones] = foveal[types[cones]] * factor[cones, None]
@@ -92,27 +91,19 @@ class LightCatch(ReceptorEfficiency):
 
     Parameters
     ----------
-    mosaic, image, observer
-        Who looks, at what, with which pigments.
-    segments, has_macular_pigment
-        As in `isetcl.cones.excitations`.
+    mosaic, image, viewing
+        Who looks, at what, with which pigments and behind what.
 
     Raises
     ------
     InvalidInputError
         If the image has fewer than 2 x 2 pixels or 2 wavelengths, uneven pixels, values that are
-        negative or not finite, or macular pigment that would be counted twice.
+        negative or not finite, or macular pigment that would be counted twice; or wavelengths lie
+        in unequal steps, and that is not allowed.
     """
 
-    def __init__(
-        self,
-        mosaic: ConeMosaic,
-        image: RetinalImage,
-        observer: Observer,
-        segments: str = "spectral",
-        has_macular_pigment: bool = True,
-    ) -> None:
-        super().__init__(mosaic, image.wavelengths_nm, observer, segments, has_macular_pigment)
+    def __init__(self, mosaic: ConeMosaic, image: RetinalImage, viewing: Viewing) -> None:
+        super().__init__(mosaic, image.wavelengths_nm, viewing)
         self._image = image
         self._check_image()
         self.apertures = self._apertures()
@@ -124,13 +115,14 @@ class LightCatch(ReceptorEfficiency):
                 "excitations need an image of at least 2 x 2 pixels and 2 wavelengths, got "
                 f"{values.shape[2]} x {values.shape[1]} pixels and {values.shape[0]} wavelengths"
             )
-        if not np.all(np.isfinite(values)) or values.min() < 0:
+        # A minimum that is NaN fails too.
+        if not (values.min() >= 0 and values.max() < np.inf):
             worst = values[~(np.isfinite(values) & (values >= 0))][0]
             raise InvalidInputError(
                 f"irradiance must be finite and >= 0 W m^-2 nm^-1, got {worst:g}; clip or mend the "
                 "image first"
             )
-        for step in self._image.steps if self._has_macular else ():
+        for step in self._image.steps if self._viewing.has_macular_pigment else ():
             if isinstance(step.medium, MacularPigment):
                 raise InvalidInputError(
                     f"the image has come through {step.label!r} already, and has_macular_pigment "
@@ -170,12 +162,15 @@ class LightCatch(ReceptorEfficiency):
             np.clip(np.floor(v).astype(int), 0, n - 1)
             for v, n in zip((row, column), shape, strict=True)
         )
-        mm = [self._image.dataset[name].values.astype(np.float64) for name in ("x_mm", "y_mm")]
+        mm = [self._image.dataset[name].values for name in ("x_mm", "y_mm")]
         for axis in (1, 0):
-            pixel_mm = np.hypot(*(np.gradient(each, axis=axis) for each in mm))
-            scale.append(pixel_mm[at])
+            after, before = list(at), list(at)
+            after[axis] = np.minimum(at[axis] + 1, shape[axis] - 1)
+            before[axis] = np.maximum(at[axis] - 1, 0)
+            pixels = after[axis] - before[axis]
+            across = (each[tuple(after)] - each[tuple(before)].astype(np.float64) for each in mm)
+            scale.append(np.hypot(*across) / pixels)
         radius_mm = 0.5e-3 * self._mosaic.aperture_um
-        self.pixel_um = 1e3 * np.stack(scale, axis=1)
         return np.stack([column, row, radius_mm / scale[0], radius_mm / scale[1]], axis=1)
 
     @property
@@ -253,17 +248,29 @@ class LightCatch(ReceptorEfficiency):
         from isetcl.device.choose import find_device
         from isetcl.device.cone_apertures import ApertureSums
 
+        shifts = self.shifts(gaze_deg)
+        rows, columns = self._window(shifts)
         sums = ApertureSums(
             find_device(device),
-            self._image.irradiance.values,
+            self._image.irradiance.values[:, rows, columns],
             is_gaussian=self._mosaic.aperture_shape == "gaussian",
             precision=precision,
         )
-        shifts = self.shifts(gaze_deg)
+        apertures = self.apertures - np.array([columns.start, rows.start, 0.0, 0.0])
         step = max(1, _MOST_EFFICIENCIES // len(self._image.wavelengths_nm))
         parts = [slice(first, first + step) for first in range(0, len(self._mosaic), step)]
-        found = [sums.run(self.apertures[p], self.efficiencies(p), shifts) for p in parts]
-        return np.concatenate(found, axis=1)
+        found = [sums.run(apertures[p], self.efficiencies(p), shifts) for p in parts]
+        return found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+
+    def _window(self, shifts: np.ndarray) -> tuple[slice, slice]:
+        """Rows and columns of the image that apertures reach, with one more on every side."""
+        shape = np.array(self._image.irradiance.shape[:0:-1])
+        middle, reach = self.apertures[:, :2], self._reach * self.apertures[:, 2:]
+        low = np.floor((middle - reach).min(axis=0) + shifts.min(axis=0)) - 1
+        high = np.ceil((middle + reach).max(axis=0) + shifts.max(axis=0)) + 1
+        first = np.clip(low, 0, shape - 1).astype(int)
+        end = np.clip(high, first + 1, shape).astype(int)
+        return slice(first[1], end[1]), slice(first[0], end[0])
 
 
 def mean_segment_factor(

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 
     from isetcl.cones.excitations import Excitations
     from isetcl.cones.quality import MosaicQuality
+    from isetcl.cones.viewing import Viewing
     from isetcl.retina.image import RetinalImage
     from isetcl.retina.places import IrradianceAtPlaces, Places
 
@@ -300,11 +301,22 @@ class ConeMosaic:
 
         return mosaic_quality(self, **options)
 
-    def places(self) -> Places:
-        """The apertures, for `isetcl.render`'s ``at``."""
+    def places(self, viewing: Viewing | None = None) -> Places:
+        """The apertures, for `isetcl.render`'s ``at``.
+
+        `viewing` tells whose excitations ``target_error="cone_noise:..."`` means; None is the
+        standard observer with macular pigment, as in `excitations`.
+        """
+        from isetcl.cones.at_places import ReceptorsAtPlaces
+        from isetcl.cones.viewing import Viewing
         from isetcl.retina.places import Places
 
-        return Places(self.positions_deg, 0.5 * self.aperture_um, self.aperture_shape == "gaussian")
+        return Places(
+            self.positions_deg,
+            0.5 * self.aperture_um,
+            self.aperture_shape == "gaussian",
+            ReceptorsAtPlaces(self, Viewing() if viewing is None else viewing),
+        )
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes:
         """Draw the apertures, coloured by type; see `isetcl.cones.pictures.plot_mosaic`."""

@@ -10,6 +10,7 @@ decides in the kernel.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from dataclasses import dataclass
 
@@ -76,6 +77,7 @@ class ExitPupilBound:
         return math.pi * semi * (semi + s * evaluate(self.stretch, s))
 
 
+@functools.lru_cache(maxsize=256)
 def exit_pupil_bound(
     eye: Eye, wavelength_nm: float, grid_map: FieldMap, field_limit_deg: float
 ) -> ExitPupilBound:

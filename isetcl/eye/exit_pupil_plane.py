@@ -7,6 +7,7 @@ the stop is an affine image of the unit disc: the first harmonics of the rim.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -62,6 +63,7 @@ class PlanePupilBound:
         return math.pi * np.abs(np.linalg.det(_matrix(self.ellipse(field_deg))))
 
 
+@functools.lru_cache(maxsize=256)
 def plane_pupil_bound(
     eye: Eye, wavelength_nm: float, grid_map: FieldPlane, rectangle: Rectangle
 ) -> PlanePupilBound:

@@ -7,11 +7,12 @@ paper is focused 0.07 dpt in front of infinity at 2 mm, 0.43 dpt at 4 mm (550 nm
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 
 import numpy as np
 
-from isetcl.errors import FocusError, check_choice
+from isetcl.errors import FocusError, check_choice, check_positive
 from isetcl.eye import paraxial
 from isetcl.eye.model import Eye, FocusCriterion
 from isetcl.eye.prescription import Element, ElementKind, elements
@@ -66,9 +67,17 @@ def rms_spot_mm(eye: Eye, vergence_dpt: float, wavelength_nm: float) -> float:
 
 def focus_at(eye: Eye, distance_m: float, wavelength_nm: float, criterion: FocusCriterion) -> Eye:
     """The eye of the same family that is focused at a distance; see `Eye.focus_at`."""
+    target = vergence_from_distance(distance_m)
+    wavelength = check_positive("wavelength_nm", wavelength_nm, "nm")
+    check_choice("focus criterion", criterion, CRITERIA)
+    return _focused(eye, target, wavelength, criterion)
+
+
+@functools.lru_cache(maxsize=256)
+def _focused(eye: Eye, target: float, wavelength_nm: float, criterion: FocusCriterion) -> Eye:
+    """The eye of the same family that is focused at a vergence, 1/m; found once."""
     from scipy.optimize import brentq
 
-    target = vergence_from_distance(distance_m)
     model = eye.accommodation_model
     if model is None:
         raise FocusError(

@@ -31,6 +31,7 @@ SPOT_SOURCE = "spots on the axis, traced on the host (the paper prints no number
 _TOLERANCE = 0.15  # of the blur: what is occluded, and depth within an object
 _PIXEL_TOLERANCE = 0.6  # of a pixel: blur that is not much larger cannot be told
 _SMALLEST_PIXELS = 0.3
+_AROUND = (0.97, 1.0, 1.03)
 _MOST_GROWTH = 8
 _OTF_NODES = 200
 _OTF_RINGS = 16
@@ -78,10 +79,15 @@ def sharp_view(
     image = quality.render(scene, eye.with_pupil(SHARP_PUPIL_MM), layers=True, **options)
     numbers = image.dataset["object"].values
     masks = {item.name: numbers == i for i, item in enumerate(scene.objects)}
-    x = image.dataset["x"].values
-    pitch = float(abs(x[1] - x[0])) * ARCMIN_PER_DEG
     value, error = signal(image)
+    pitch = pitch_arcmin(image)
     return SharpView(value.astype(np.float64), error.astype(np.float64) ** 2, masks, pitch)
+
+
+def pitch_arcmin(image: RetinalImage) -> float:
+    """Side of a pixel, arcmin."""
+    x = image.dataset["x"].values
+    return float(abs(x[1] - x[0])) * ARCMIN_PER_DEG
 
 
 def blur_arcmin(seen: np.ndarray, sharp: SharpView, name: str, most_arcmin: float) -> float:
@@ -101,6 +107,28 @@ def blur_arcmin(seen: np.ndarray, sharp: SharpView, name: str, most_arcmin: floa
     """
     place = _Place.of(sharp, name, most_arcmin)
     return place.best_disc(seen[place.window], sharp.variance[place.window]) * sharp.pitch_arcmin
+
+
+def blur_error_arcmin(
+    seen: np.ndarray,
+    seen_variance: np.ndarray,
+    sharp: SharpView,
+    name: str,
+    most_arcmin: float,
+    found_arcmin: float,
+) -> float:
+    """Standard error of `blur_arcmin` by the noise of the image and of the sharp view, arcmin."""
+    place = _Place.of(sharp, name, most_arcmin)
+    window = place.window
+    return (
+        place.disc_error(
+            seen[window],
+            seen_variance[window],
+            sharp.variance[window],
+            found_arcmin / sharp.pitch_arcmin,
+        )
+        * sharp.pitch_arcmin
+    )
 
 
 def expected_blur_arcmin(
@@ -187,8 +215,6 @@ class _Place:
         A disc also smooths the noise of the sharp view; what that takes from the misfit is put
         back, or else the disc would come out too large.
         """
-        from scipy.optimize import minimize_scalar
-
         truth, noise = seen[self.judged], float(variance[self.judged].sum())
 
         def misfit(log_diameter: float) -> float:
@@ -198,11 +224,36 @@ class _Place:
             kept = gain**2 * noise * float(np.mean(transfer**2))
             return float(np.sum((truth - gain * blurred) ** 2)) - kept
 
-        tries = np.linspace(math.log(_SMALLEST_PIXELS), math.log(self.most_pixels), _STEPS)
-        best = int(np.argmin([misfit(t) for t in tries]))
-        low, high = tries[max(best - 1, 0)], tries[min(best + 1, _STEPS - 1)]
-        found = minimize_scalar(misfit, bounds=(low, high), method="bounded")
-        return float(math.exp(found.x))
+        return float(math.exp(_least(misfit, self.most_pixels)))
+
+    def disc_error(
+        self, seen: np.ndarray, seen_variance: np.ndarray, variance: np.ndarray, diameter: float
+    ) -> float:
+        """Standard error of the diameter in pixels, with that of the gain, to first order.
+
+        The misfit is least where its slope J^T (truth - gain blurred) is 0.
+        """
+        near = [self.filtered(disc_transfer(self.frequency * diameter * e)) for e in _AROUND]
+        judged = self.judged
+        size = float(np.sum(near[1][judged] ** 2))
+        gain = float(seen[judged] @ near[1][judged]) / size
+        slope = (near[2] - near[0]) / math.log(_AROUND[2] / _AROUND[0])
+        share = float(np.sum((slope * near[1])[judged])) / size
+        jacobian = np.where(judged, gain * (slope - share * near[1]), 0.0)
+        transfer = disc_transfer(self.frequency * diameter)
+        spread = np.fft.irfft2(np.fft.rfft2(jacobian) * transfer, s=judged.shape)
+        noise = float(np.sum(jacobian**2 * seen_variance + gain**2 * spread**2 * variance))
+        return diameter * math.sqrt(noise) / float(np.sum(jacobian**2))
+
+
+def _least(misfit: Callable[[float], float], most_pixels: float) -> float:
+    """Logarithm of the diameter at which a misfit is least."""
+    from scipy.optimize import minimize_scalar
+
+    tries = np.linspace(math.log(_SMALLEST_PIXELS), math.log(most_pixels), _STEPS)
+    best = int(np.argmin([misfit(t) for t in tries]))
+    low, high = tries[max(best - 1, 0)], tries[min(best + 1, _STEPS - 1)]
+    return float(minimize_scalar(misfit, bounds=(low, high), method="bounded").x)
 
 
 def disc_transfer(cycles_per_diameter: np.ndarray) -> np.ndarray:
@@ -226,6 +277,8 @@ class ObjectBlur:
         Diameter of the disc in the image, and for the spots.
     tolerance_arcmin
         By how much the two may differ.
+    source
+        Where the expected one is from.
     """
 
     name: str
@@ -233,6 +286,7 @@ class ObjectBlur:
     found_arcmin: float
     expected_arcmin: float
     tolerance_arcmin: float
+    source: str = SPOT_SOURCE
 
     def row(self, what: str) -> Row:
         """The blur beside that of the spots."""
@@ -241,7 +295,7 @@ class ObjectBlur:
             self.found_arcmin,
             self.expected_arcmin,
             self.tolerance_arcmin,
-            SPOT_SOURCE,
+            self.source,
             unit="arcmin",
         )
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from isetcl.eye import catalog
-from isetcl.figures.blur import ObjectBlur, brightness, object_blurs, sharp_view
+from isetcl.figures.blur import ObjectBlur
+from isetcl.figures.deep_blur import deep_blurs, deep_view
 from isetcl.figures.pictures import blank, finish, letter, show_image
 from isetcl.figures.result import FigureResult, Row, states
 from isetcl.scene import targets
@@ -62,18 +63,18 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
     view: dict[str, Any] = {
         "fov_deg": (30.0, 22.5),
         "resolution": quality.pick((144, 108), (400, 300)),
-        "spp": quality.pick(8, 32),
     }
+    spp, finer = quality.pick((16, 3), (32, 2))
     eyes = {pupil: catalog.navarro(pupil, 1.0 / FOCUS_M) for pupil in PUPILS_MM}
-    sharp = sharp_view(quality, scene, eyes[4.0], **view)
+    deep = deep_view(quality, scene, eyes[4.0], finer, spp=max(2, spp // finer**2), **view)
     picture = blank(13.0, 3.9)
     panels = picture.subplots(1, 3)
     blurs: dict[float, list[ObjectBlur]] = {}
     for i, (pupil, eye) in enumerate(eyes.items()):
-        image = quality.render(scene, eye, **view)
-        blurs[pupil] = object_blurs(brightness(image)[0], sharp, eye, distances, _MOST_BLUR_ARCMIN)
+        image = quality.render(scene, eye, spp=spp, **view)
+        blurs[pupil] = deep_blurs(image, deep, eye, distances, _MOST_BLUR_ARCMIN)
         show_image(panels[i], image, f"pupil {pupil:g} mm", has_y_label=i == 0)
-        _frame(panels[i], sharp.masks[PAWN], image.extent_deg)
+        _frame(panels[i], deep.sharp.masks[PAWN], image.extent_deg)
         letter(panels[i], "ABC"[i])
     rows = [found.row(f"pupil {pupil:g} mm") for pupil, row in blurs.items() for found in row]
     rows += _statements(blurs)
@@ -81,6 +82,10 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
         "distances_m": distances,
         "blur_arcmin": {
             f"{pupil:g} mm": {found.name: found.found_arcmin for found in row}
+            for pupil, row in blurs.items()
+        },
+        "tolerance_arcmin": {
+            f"{pupil:g} mm": {found.name: found.tolerance_arcmin for found in row}
             for pupil, row in blurs.items()
         },
     }

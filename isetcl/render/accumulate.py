@@ -16,12 +16,20 @@ class TileAccumulator:
     ----------
     tracked : ndarray, (quantities, channels)
         Linear combinations of film channels whose standard error is wanted.
+    local : ndarray or None, (channels, rows, columns)
+        One more combination, of each pixel's own, whose standard error is wanted.
     keeps : dtype or None
         As what the film of every replicate is kept in `kept`; None forgets it.
     """
 
-    def __init__(self, tracked: np.ndarray, *, keeps: np.dtype | None = None) -> None:
-        self._keeps = keeps
+    def __init__(
+        self,
+        tracked: np.ndarray,
+        *,
+        local: np.ndarray | None = None,
+        keeps: np.dtype | None = None,
+    ) -> None:
+        self._keeps, self._local = keeps, local
         self.kept: list[tuple[np.ndarray, int]] = []
         self._tracked = tracked
         self._sum: np.ndarray | None = None
@@ -43,7 +51,7 @@ class TileAccumulator:
 
     def add(self, film: np.ndarray, samples: int) -> None:
         """Add the mean film (channels, rows, columns) of a replicate of so many samples."""
-        quantities = np.tensordot(self._tracked, film, axes=1)
+        quantities = self._quantities(film)
         if self._keeps is not None:
             self.kept.append((film.astype(self._keeps), samples))
         if self._sum is None or self._pivot is None or self._squares is None:
@@ -64,8 +72,19 @@ class TileAccumulator:
         assert self._sum is not None
         return self._sum / self._samples
 
+    def local(self) -> np.ndarray:
+        """Mean of the local combination, (rows, columns)."""
+        assert self._local is not None
+        return np.asarray(np.sum(self._local * self.film(), axis=0))
+
+    def _quantities(self, film: np.ndarray) -> np.ndarray:
+        found = np.tensordot(self._tracked, film, axes=1)
+        if self._local is None:
+            return found
+        return np.concatenate([found, np.sum(self._local * film, axis=0)[None]])
+
     def standard_error(self) -> np.ndarray:
-        """Standard error of the tracked quantities, (quantities, rows, columns).
+        """Standard error of the tracked quantities, (quantities, rows, columns); the local last.
 
         sqrt(sum n_r (x_r - mean)^2 / (N (R - 1))) over R replicates of n_r of N samples, whose
         variances are taken to fall as 1/n_r; NaN for one.
@@ -75,6 +94,6 @@ class TileAccumulator:
         n = self._replicates
         if n < 2:
             return np.full_like(self._pivot, np.nan)
-        offset = np.tensordot(self._tracked, self.film(), axes=1) - self._pivot
+        offset = self._quantities(self.film()) - self._pivot
         spread = np.maximum(self._squares / self._samples - offset * offset, 0.0)
         return np.sqrt(spread / (n - 1))

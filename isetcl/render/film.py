@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -14,9 +13,9 @@ from isetcl.device.layout import real_dtype
 from isetcl.render import sobol
 from isetcl.render.accumulate import TileAccumulator
 from isetcl.render.direct import DirectPipeline, tiles
+from isetcl.render.noise_goal import NoiseGoal
 from isetcl.render.paths import PathPipeline
 from isetcl.render.plan import Plan
-from isetcl.retina.cone_noise import ConeNoise
 from isetcl.retina.depth import vergence_map
 from isetcl.retina.image import RetinalImage, relative_error
 from isetcl.retina.places import IrradianceAtPlaces, PlaceGrid
@@ -34,7 +33,7 @@ class Film:
         prepared: Plan,
         pipeline: DirectPipeline | PathPipeline,
         seed: int,
-        cone_noise: ConeNoise | None = None,
+        noise: NoiseGoal | None = None,
     ) -> None:
         has_places = prepared.config.places != "none"
         self._keeps = real_dtype(prepared.config.precision) if has_places else None
@@ -49,10 +48,9 @@ class Film:
         rows = np.eye(expansion.shape[1]) if prepared.config.n_basis == 1 else expansion
         self._tracked = np.vstack([rows, weights @ expansion])
         self._photopic = len(self._tracked) - 1
-        self._cone_noise = cone_noise
-        if cone_noise is not None:
-            cones = cone_noise.weights(prepared.wavelengths_nm) @ expansion
-            self._tracked = np.vstack([self._tracked, cones])
+        self._noise = noise
+        if noise is not None:
+            self._tracked = np.vstack([self._tracked, noise.rows])
         self._next_replicate = 0
         self._accumulators = self._empty()
         self._pilot: list[TileAccumulator] | None = None
@@ -60,7 +58,15 @@ class Film:
         self._paces: list[float] = []
 
     def _empty(self) -> list[TileAccumulator]:
-        return [TileAccumulator(self._tracked, keeps=self._keeps) for _ in self._tiles]
+        own = None if self._noise is None else self._noise.receptors
+        return [
+            TileAccumulator(
+                self._tracked,
+                local=None if own is None else own.weights[:, tile.window[0], tile.window[1]],
+                keeps=self._keeps,
+            )
+            for tile in self._tiles
+        ]
 
     def restart(self) -> None:
         """Begin anew with other replicates; the old ones are kept until two new are finished."""
@@ -139,7 +145,7 @@ class Film:
     def error(self) -> float:
         """Error after the last whole replicate; NaN before two of them.
 
-        The relative standard error, or, with a `ConeNoise`, the error in its units.
+        The relative standard error, or, with a `NoiseGoal`, the error in its units.
         """
         if self._error_at != self.replicates:
             self._error_at = self.replicates
@@ -147,10 +153,21 @@ class Film:
         return self._error
 
     def _relative_error(self) -> float:
-        if self._cone_noise is not None:
-            return self._cone_noise.error(*self._known(slice(self._photopic + 1, None)))
+        if self._noise is not None and self._noise.receptors is not None:
+            return self._noise.goal.error(*self._by_type(self._noise.receptors.types))
+        if self._noise is not None:
+            return self._noise.goal.error(*self._known(slice(self._photopic + 1, None)))
         value, error = self._known(slice(self._photopic, self._photopic + 1))
         return relative_error(value[0], error[0])
+
+    def _by_type(self, types: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Excitations of the receptors of each type and their standard errors."""
+        means, errors = np.empty(types.shape), np.empty(types.shape)
+        for tile, accumulator in zip(self._tiles, self._accumulators, strict=True):
+            means[tile.window] = accumulator.local()
+            errors[tile.window] = accumulator.standard_error()[-1]
+        kinds = [types == kind for kind in np.unique(types[types >= 0])]
+        return [means[kind] for kind in kinds], [errors[kind] for kind in kinds]
 
     def _known(self, quantities: slice) -> tuple[np.ndarray, np.ndarray]:
         """Tracked quantities of all pixels and their standard errors, both (quantities, pixels)."""
@@ -249,6 +266,4 @@ class Film:
         }
 
     def _cone_noise_reached(self) -> dict[str, Any]:
-        if self._cone_noise is None:
-            return {}
-        return {"cone_noise": asdict(self._cone_noise) | {"reached": self.error()}}
+        return {} if self._noise is None else {"cone_noise": self._noise.describe(self.error())}

@@ -20,6 +20,7 @@ from isetcl.render.film import Film
 from isetcl.render.goal import Goal
 from isetcl.render.interrupt import DeferredInterrupt
 from isetcl.render.kernel_config import KernelConfig, Sampler
+from isetcl.render.noise_goal import NoiseGoal
 from isetcl.render.paths import PathPipeline
 from isetcl.render.pinhole import look_at
 from isetcl.render.plan import DEFAULT_BOUNCES, check_memory, plan
@@ -133,8 +134,9 @@ def render(
         Stop when the relative standard error of the image has fallen to this: photopic, root mean
         square over lit pixels divided by their mean. ``bands="auto"`` takes as many bands as keep
         their part of the error small beside it; a number of bands is taken as it is. Or
-        ``"cone_noise:0.1"``: a tenth of the Poisson noise of a foveal cone within 5 ms, root mean
-        square over pixels; see `ConeNoise`, which may be passed itself.
+        ``"cone_noise:0.1"``: a tenth of the Poisson noise of a foveal cone, or of the cones of
+        `at`, within 5 ms, root mean square over pixels; see `ConeNoise`, which may be passed
+        itself.
     wavelengths_nm
         Ascending wavelengths; default 400 to 700 in steps of 10 nm.
     bands
@@ -205,12 +207,11 @@ def render(
         places=places,
     )
     check_memory(prepared)
-    if goal.cone_noise is not None:
-        goal.cone_noise.weights(prepared.wavelengths_nm)
+    noise = None if goal.cone_noise is None else NoiseGoal(prepared, goal.cone_noise)
     transferred_s = prepared.device.transfer_s
     is_direct = isinstance(prepared.config, KernelConfig)
     pipeline = DirectPipeline(prepared) if is_direct else PathPipeline(prepared)
-    film = Film(prepared, pipeline, seed, goal.cone_noise)
+    film = Film(prepared, pipeline, seed, noise)
     is_complete = True
     with display(progress, f"tracing {scene.name}") as show, DeferredInterrupt() as interrupt:
         try:

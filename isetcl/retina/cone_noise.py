@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +18,8 @@ from isetcl.eye.people.pigments import (
     absorbance,
     absorptance,
 )
-from isetcl.spectrum import bin_widths, check_wavelengths
+from isetcl.retina.places import Receptors
+from isetcl.spectrum import Uneven, bin_widths, check_even_or_bins
 from isetcl.units import NM_PER_M, PLANCK_J_S, SPEED_OF_LIGHT_M_S
 
 FOVEAL_APERTURE_UM = 1.6978
@@ -37,9 +40,9 @@ class ConeNoise:
     cone, for the type, L, M or S, of which it is the largest.
 
     The cone is the standard observer's in the fovea, behind its macular pigment. A cone wider than
-    a pixel averages over several, and the error in its excitations is smaller than stated. In
-    renders at the receptors of a mosaic, pixels are the receptors, and the aperture is still this
-    one.
+    a pixel averages over several, and the error in its excitations is smaller than stated. Renders
+    at the receptors of a mosaic take these themselves instead, by their own apertures, types and
+    pigments, so that the goal is that of the excitations; see `ConeMosaic.places`.
 
     Parameters
     ----------
@@ -49,19 +52,24 @@ class ConeNoise:
         Time over which the cone counts, s. Beside its mean its noise falls as the root of the time:
         what is seen for longer must be rendered better.
     aperture_um
-        Diameter of the cone's aperture, um; the default is that of the densest cones. Farther out
-        cones are wider and beside their means less noisy, and the image must be better: apertures
-        are about 9 um at 10 degrees (0.79 of the spacing of Curcio et al. 1990).
+        Diameter of the cone's aperture, um; None is that of the densest cones, or a mosaic's own.
+        Farther out cones are wider and beside their means less noisy, and the image must be better:
+        apertures are about 9 um at 10 degrees (0.79 of the spacing of Curcio et al. 1990). A number
+        puts such a foveal cone at the places of a mosaic, too.
+    uneven_wavelengths
+        As in `isetcl.cones.excitations`.
     """
 
     ratio: float
     integration_time_s: float = 0.005
-    aperture_um: float = FOVEAL_APERTURE_UM
+    aperture_um: float | None = None
+    uneven_wavelengths: Uneven = "refuse"
 
     def __post_init__(self) -> None:
         check_positive("cone_noise: ratio", self.ratio)
         check_positive("cone_noise: integration_time_s", self.integration_time_s, "s")
-        check_positive("cone_noise: aperture_um", self.aperture_um, "um")
+        if self.aperture_um is not None:
+            check_positive("cone_noise: aperture_um", self.aperture_um, "um")
 
     @classmethod
     def parse(cls, text: str) -> ConeNoise:
@@ -83,7 +91,17 @@ class ConeNoise:
                 "target_error must be a number, such as 0.01, or 'cone_noise:RATIO', such as "
                 f"'cone_noise:0.1', or 'cone_noise:RATIO@SECONDS', got {text!r}"
             ) from None
-        return cls(*numbers)
+        ratio, *times = numbers
+        return cls(ratio, times[0]) if times else cls(ratio)
+
+    @property
+    def cone_aperture_um(self) -> float:
+        """Diameter of the aperture of the one cone that stands in every pixel, um."""
+        return FOVEAL_APERTURE_UM if self.aperture_um is None else self.aperture_um
+
+    def describe(self) -> dict[str, Any]:
+        """Everything as plain values, the aperture that of the one cone, for provenance."""
+        return asdict(self) | {"aperture_um": self.cone_aperture_um}
 
     def weights(self, wavelengths_nm: np.ndarray) -> np.ndarray:
         """Excitations of L, M and S per W m^-2 nm^-1 at each wavelength, (3, wavelengths).
@@ -91,9 +109,10 @@ class ConeNoise:
         Raises
         ------
         InvalidInputError
-            If there are fewer than two wavelengths, or none at which pigments are known.
+            If there are fewer than two wavelengths, or none at which pigments are known, or steps
+            are unequal.
         """
-        grid = check_wavelengths(wavelengths_nm)
+        grid = check_even_or_bins("cone_noise", wavelengths_nm, self.uneven_wavelengths)
         low, high = PIGMENT_RANGE_NM["cie_170"]
         known = (grid >= low) & (grid <= high)
         if len(grid) < 2 or not np.any(known):
@@ -109,14 +128,30 @@ class ConeNoise:
                 for cone, peak in zip("LMS", FOVEAL_DENSITIES, strict=True)
             ]
         )
-        area_m2 = math.pi * (0.5e-6 * self.aperture_um) ** 2
+        area_m2 = math.pi * (0.5e-6 * self.cone_aperture_um) ** 2
         photons = seen / (NM_PER_M * PLANCK_J_S * SPEED_OF_LIGHT_M_S) * bin_widths(grid)[known]
         weights = np.zeros((3, len(grid)))
         weights[:, known] = self.integration_time_s * area_m2 * per_photon * photons
         return weights
 
-    def error(self, means: np.ndarray, errors: np.ndarray) -> float:
-        """The error of an image from mean excitations and their standard errors, (3, pixels)."""
+    def receptor_weights(self, receptors: Receptors, wavelengths_nm: np.ndarray) -> np.ndarray:
+        """Excitations of receptors per W m^-2 nm^-1 at each wavelength, (n, wavelengths).
+
+        Raises
+        ------
+        InvalidInputError
+            If there are fewer than two wavelengths, or some that the receptors do not take.
+        """
+        if len(wavelengths_nm) < 2:
+            raise InvalidInputError(
+                f"cone_noise needs two wavelengths or more, got {wavelengths_nm.tolist()} nm; pass "
+                "wavelengths_nm, or a number as target_error"
+            )
+        per_second = receptors.efficiencies(wavelengths_nm, self.uneven_wavelengths)
+        return self.integration_time_s * per_second
+
+    def error(self, means: Iterable[np.ndarray], errors: Iterable[np.ndarray]) -> float:
+        """The error of an image from mean excitations of each type and their standard errors."""
         worst = 0.0
         for mean, error in zip(means, errors, strict=True):
             lit = mean > 0

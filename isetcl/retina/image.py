@@ -251,18 +251,20 @@ class RetinalImage:
         Raises
         ------
         InvalidInputError
-            If the image has a step of that label already, or a wavelength lies outside the model.
+            If the image has a step of that label or such a medium already, or a wavelength lies
+            outside the model.
         """
         if not isinstance(step, Transmittance):
             raise InvalidInputError(
                 "step must be one of isetcl.retina.transmittance(...) or macular_pigment(...), got "
                 f"an object of type {type(step).__name__}"
             )
-        if step.label in [each.label for each in self.steps]:
-            raise InvalidInputError(
-                f"the image has come through {step.label!r} already; take "
-                f"image.without({step.label!r}) first"
-            )
+        for each in self.steps:
+            if each.label == step.label or isinstance(each.medium, type(step.medium)):
+                raise InvalidInputError(
+                    f"the image has come through {each.label!r} already; take "
+                    f"image.without({each.label!r}) first"
+                )
         steps = [*self.provenance.get("steps", []), step.describe()]
         return self._dimmed(self._share(step), {"steps": steps})
 

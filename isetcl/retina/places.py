@@ -15,6 +15,7 @@ from isetcl.errors import InvalidInputError, check_array, check_type, check_vect
 from isetcl.eye.model import Eye
 from isetcl.netcdf import load_dataset, save_dataset
 from isetcl.retina.grid import RetinalGrid
+from isetcl.spectrum import Uneven
 from isetcl.units import UM_PER_MM
 
 if TYPE_CHECKING:
@@ -41,6 +42,22 @@ _STEP_DEG = 1e-3
 _NODES = 64
 
 
+class Receptors(Protocol):
+    """What stands at places: each receptor by its own type and pigments."""
+
+    @property
+    def types(self) -> np.ndarray:
+        """Types as numbers, (n,)."""
+        ...
+
+    def efficiencies(self, wavelengths_nm: np.ndarray, uneven_wavelengths: Uneven) -> np.ndarray:
+        """Excitations a second per W m^-2 nm^-1 at each wavelength, (n, wavelengths).
+
+        `uneven_wavelengths` as in `isetcl.spectrum.check_even_or_bins`.
+        """
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Places:
     """Apertures on a retina.
@@ -53,16 +70,20 @@ class Places:
         Radius on the retina, um; of a Gaussian one, where it has fallen to 1/e.
     is_gaussian
         Whether the apertures are Gaussians, and not discs.
+    receptors
+        What stands there, if known: whose noise ``target_error="cone_noise:..."`` means.
 
     Raises
     ------
     InvalidInputError
-        If there are none, shapes differ, or a radius is not finite and > 0.
+        If there are none, shapes differ, a radius is not finite and > 0, or receptors are not those
+        of the places.
     """
 
     positions_deg: np.ndarray
     radius_um: np.ndarray
     is_gaussian: bool = False
+    receptors: Receptors | None = None
 
     def __post_init__(self) -> None:
         at = check_vectors("places: positions_deg", self.positions_deg, width=2)
@@ -71,6 +92,12 @@ class Places:
             raise InvalidInputError("places: positions_deg must hold at least one place, got none")
         if not (np.all(np.isfinite(at)) and np.all(np.isfinite(radius)) and np.all(radius > 0)):
             raise InvalidInputError("places: positions must be finite and radii finite and > 0")
+        if self.receptors is not None and len(getattr(self.receptors, "types", ())) != len(at):
+            raise InvalidInputError(
+                f"places: receptors must be those of the {len(at)} places, such as "
+                "ConeMosaic.places tells, got an object of type "
+                f"{type(self.receptors).__name__}; leave them out"
+            )
         object.__setattr__(self, "positions_deg", at)
         object.__setattr__(self, "radius_um", np.array(radius))
 

@@ -229,10 +229,14 @@ def facing_quad(distance_m: float, width_m: float, height_m: float, turn_deg: fl
     return Quad(tuple(corner), tuple(width_m * right), tuple(height_m * up))
 
 
-def half_plane(distance_m: float, turn_deg: float, size_m: float) -> Quad:
-    """A square facing the eye whose right edge crosses the axis, turned about the axis."""
+def half_plane(distance_m: float, turn_deg: float, size_m: float, offset_m: float = 0.0) -> Quad:
+    """A square facing the eye whose right edge crosses the axis, turned about the axis.
+
+    `offset_m` moves it to its own right, so that the edge passes the axis at that distance.
+    """
     right, up = turned_axes(turn_deg)
-    corner = np.array([0.0, 0.0, -distance_m]) - size_m * right - size_m / 2.0 * up
+    middle = np.array([0.0, 0.0, -distance_m])
+    corner = middle + (offset_m - size_m) * right - size_m / 2.0 * up
     return Quad(tuple(corner), tuple(size_m * right), tuple(size_m * up))
 
 

@@ -81,13 +81,15 @@ def measured_tca(
             "transverse chromatic aberration needs at least two wavelengths, got "
             f"{image.wavelengths_nm.tolist()} nm"
         )
-    if not np.all(np.isfinite(values)):
-        raise InvalidInputError("pixels of the image must be finite, got NaN; choose a region")
     rows, columns = values.shape[1:]
     top, bottom, left, right = check_region(
         (0, rows, 0, columns) if region is None else region, rows, columns
     )
     values, errors = values[:, top:bottom, left:right], errors[:, top:bottom, left:right]
+    if not np.all(np.isfinite(values)):
+        raise InvalidInputError(
+            "pixels of the image must be finite, got NaN; choose a region without them"
+        )
     level = np.mean(values, axis=(1, 2))
     if not np.all(level > 0.0):
         raise InvalidInputError("every wavelength must have light, but one is black")

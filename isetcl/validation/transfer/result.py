@@ -75,6 +75,9 @@ class SlantedEdgeMtf:
         or without a scale in degrees.
     edge
         What was measured.
+    beyond, beyond_standard_error
+        Share of the photopic light that the edge spreads beyond the region, and its standard error:
+        found from the outer part of the region, and put back; see the notes of `slanted_edge_mtf`.
     distance_deg, edge_spread : ndarray, (m,)
         Photopic edge spread function, 0 to 1, against the distance in degrees (or mm).
     pixel
@@ -92,6 +95,8 @@ class SlantedEdgeMtf:
     mtf50_cpd: float
     mtf50_standard_error_cpd: float
     edge: Edge
+    beyond: float
+    beyond_standard_error: float
     distance_deg: np.ndarray
     edge_spread: np.ndarray
     pixel: PixelChoice
@@ -131,7 +136,13 @@ class SlantedEdgeMtf:
         if self.wavelengths_nm is not None:
             coords["wavelength"] = ("wavelength", self.wavelengths_nm, {"units": "nm"})
         details = {f"edge_{name}": value for name, value in dataclasses.asdict(self.edge).items()}
-        attributes = {**details, "mtf50_cpd": self.mtf50_cpd, "pixel": self.pixel}
+        attributes = {
+            **details,
+            "mtf50_cpd": self.mtf50_cpd,
+            "beyond": self.beyond,
+            "beyond_standard_error": self.beyond_standard_error,
+            "pixel": self.pixel,
+        }
         return xarray.Dataset(data, coords, attributes)
 
     def plot(self, ax: Axes | None = None) -> Axes:

@@ -12,8 +12,14 @@ from isetcl.eye.waves.otf import check_frequencies
 from isetcl.retina.image import RetinalImage
 from isetcl.validation.transfer.edge_line import find_edge, turned
 from isetcl.validation.transfer.result import Edge, PixelChoice, SlantedEdgeMtf
-from isetcl.validation.transfer.source import EdgeSource, check_not_clipped, source_of
+from isetcl.validation.transfer.source import (
+    EdgeSource,
+    check_not_clipped,
+    check_not_cut,
+    source_of,
+)
 from isetcl.validation.transfer.spread import EdgeFit, fit_edge
+from isetcl.validation.transfer.tail import Beyond
 
 __all__ = ["Edge", "SlantedEdgeMtf", "slanted_edge_mtf"]
 
@@ -86,10 +92,15 @@ def slanted_edge_mtf(
     Notes
     -----
     Where the transfer is smaller than about twice its standard error, noise still raises it.
+    Brightness that changes evenly along the edge, on each side by itself, is allowed for.
 
-    Light that the edge spreads beyond the region is not seen: a share s of it raises the transfer
-    by about s. Diffraction by a round pupil with cut-off f_c (cycles/degree) spreads 0.13 / (f_c w)
-    of the light beyond w degrees from the edge; take a field that is wide enough.
+    Light that the edge spreads beyond the region is not seen; left out, a share s of it raises the
+    transfer by up to 1.8 s. Diffraction by a round pupil with cut-off f_c (cycles/degree) spreads
+    0.13 / (f_c w) of the light beyond w degrees from the edge. The share is found from how the edge
+    spread function approaches its levels in the outer part of the region, and put back; `beyond`
+    tells it. This takes it that out there the blur is that of a pupil's rim, whose line spread
+    falls as 1 / x^2, or nil, and that both sides are evenly lit. Where the share is larger than
+    0.035, or the outer part surely shows another fall, a warning names the width that is needed.
 
     Source: ISO 12233:2017, annex D; the fit of a spline in place of means over bins is our own, see
     `isetcl.validation.transfer.spread`.
@@ -108,7 +119,7 @@ def slanted_edge_mtf(
     line = find_edge(source.brightness, source.name)
     image_turned = turned(source.brightness, line.is_turned)
     found = fit_edge(image_turned, line, is_curved)
-    _check_clipped(found, image_turned, source.name)
+    _check_clipped(found, image_turned, source.name, isinstance(image, RetinalImage))
     return _measure(source, found, frequency_cpd, pixel)
 
 
@@ -126,6 +137,8 @@ def _measure(
         frequency = np.linspace(0.0, NYQUIST, _FREQUENCIES)
     else:
         frequency = check_frequencies(frequency_cpd) / unit
+        if len(frequency) == 0:
+            raise InvalidInputError("frequency_cpd must hold a frequency, got an empty list")
         if np.any(frequency > NYQUIST * (1.0 + 1e-9)):
             raise InvalidInputError(
                 f"frequency_cpd must be at most {NYQUIST * unit:.4g}, half a cycle per pixel, got "
@@ -145,9 +158,12 @@ def _measure(
         ]
     results = []
     for values, error in images:
-        variance = _variance(found, values, error)
-        results.append(_transfer(found, onto, values[found.pixels], variance, passed))
+        used = found.levelled(values[found.pixels])
+        variance = _variance(found, used, error)
+        results.append(_transfer(found, onto, used, variance, passed))
     whole = results[0]
+    beyond = _beyond(found, images[0][0], source.brightness_error)
+    beyond.warn(found.reach, source.name, stacklevel=4)
     _check_noise(found, frequency, *whole)
     spectral = results[1:] if len(results) > 1 else results
     frequency_in_unit = frequency * unit
@@ -165,13 +181,15 @@ def _measure(
         mtf50_cpd=mtf50 if per_deg is not None else math.nan,
         mtf50_standard_error_cpd=mtf50_error if per_deg is not None else math.nan,
         edge=_edge(found, images[0][0], place),
+        beyond=beyond.share,
+        beyond_standard_error=beyond.standard_error,
         distance_deg=distance / unit,
         edge_spread=spread,
         pixel=pixel,
     )
 
 
-def _check_clipped(found: EdgeFit, image: np.ndarray, name: str) -> None:
+def _check_clipped(found: EdgeFit, image: np.ndarray, name: str, is_traced: bool) -> None:
     values = image[found.pixels]
     spread = found.spline(values)
     low, high = found.sides(spread)
@@ -180,6 +198,9 @@ def _check_clipped(found: EdgeFit, image: np.ndarray, name: str) -> None:
     left = np.abs(values - spread(found.distance))
     scatter = max(float(np.median(left[side * away > _OUTER])) for side in (-1.0, 1.0))
     check_not_clipped(values[away > _OUTER], name, scatter > _NOISY * abs(high - low))
+    # Rays may find no light in a pixel, and little in the next.
+    if not is_traced:
+        check_not_cut(values[away < -_OUTER], name)
 
 
 def _normal(found: EdgeFit) -> np.ndarray:
@@ -197,15 +218,20 @@ def _place(source: EdgeSource, found: EdgeFit) -> tuple[float, float]:
     return source.scale.place(row, column)
 
 
-def _variance(found: EdgeFit, values: np.ndarray, error: np.ndarray | None) -> np.ndarray:
+def _variance(found: EdgeFit, used: np.ndarray, error: np.ndarray | None) -> np.ndarray:
     """Variance of the pixels used, (n,): as told, or as they scatter on each side of the edge."""
     if error is not None:
         return np.square(turned(error, found.line.is_turned)[found.pixels], dtype=np.float64)
-    used = values[found.pixels]
     left = used - found.spline(used)(found.distance)
     freedom = max(1.0 - found.basis.shape[1] / len(used), 0.1)
     right = found.distance > 0
     return np.where(right, np.mean(left[right] ** 2), np.mean(left[~right] ** 2)) / freedom
+
+
+def _beyond(found: EdgeFit, values: np.ndarray, error: np.ndarray | None) -> Beyond:
+    """Light beyond the region, of a turned image."""
+    used = found.levelled(values[found.pixels])
+    return found.beyond(used, _variance(found, used, error))
 
 
 def _transfer(
@@ -266,18 +292,18 @@ def _half(frequency: np.ndarray, mtf: np.ndarray, error: np.ndarray) -> tuple[fl
 
 def _profile(found: EdgeFit, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The edge spread function at its knots, from 0 to 1, and their distances in pixels."""
-    spread = found.spline(values[found.pixels])
+    spread = found.spline(found.levelled(values[found.pixels]))
     distance = np.linspace(-found.reach, found.reach, round(8 * found.reach) + 1)[1:-1]
-    low, high = found.sides(spread)
+    low, high = found.levels(spread)
     height = (spread(distance) - low) / (high - low)
     return distance, np.asarray(height)
 
 
 def _edge(found: EdgeFit, image: np.ndarray, place: tuple[float, float]) -> Edge:
     line = found.line
-    values = image[found.pixels]
+    values = found.levelled(image[found.pixels])
     spread = found.spline(values)
-    low, high = sorted(found.sides(spread))
+    low, high = sorted(found.levels(spread))
     along = math.degrees(math.atan(line.coefficients[1]))
     angle = -along if not line.is_turned else (along - 90.0 if along > 0 else along + 90.0)
     length = line.rows[1] - line.rows[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -15,6 +16,8 @@ from isetcl.spectrum import check_wavelengths, photopic_weights
 from isetcl.validation.transfer.pixel_scale import PixelScale, scale_of_image
 
 _CLIPPED_SHARE = 0.1
+_MOST_CUT = 0.7
+_COUNT_STEP = 0.5
 
 Region = tuple[int, int, int, int]
 
@@ -58,34 +61,11 @@ class EdgeSource:
         if self.errors is not None and not np.all(self.errors >= 0.0):
             raise InvalidInputError("standard_error must be >= 0 everywhere and not NaN")
 
-    def cropped(self, region: Region | None) -> EdgeSource:
-        """A part: first row, row after the last, first column, column after the last."""
-        if region is None:
-            return self
-        rows, columns = self.brightness.shape
-        top, bottom, left, right = check_region(region, rows, columns)
-        part = (Ellipsis, slice(top, bottom), slice(left, right))
-
-        def cut(array: np.ndarray | None) -> np.ndarray | None:
-            return None if array is None else array[part]
-
-        return dataclasses.replace(
-            self,
-            name=f"region {(top, bottom, left, right)}",
-            values=self.values[part],
-            errors=cut(self.errors),
-            brightness=self.brightness[part],
-            brightness_error=cut(self.brightness_error),
-            scale=dataclasses.replace(
-                self.scale, left_top=self.scale.place(float(top), float(left))
-            ),
-        )
-
 
 def check_region(region: Region, rows: int, columns: int) -> Region:
     """The four borders of a region; raise InvalidInputError unless they lie in the image."""
     try:
-        top, bottom, left, right = (int(i) for i in region)
+        top, bottom, left, right = (operator.index(i) for i in region)
     except (TypeError, ValueError):
         top, bottom, left, right = 0, -1, 0, -1
     if not (0 <= top < bottom <= rows and 0 <= left < right <= columns):
@@ -138,23 +118,35 @@ def source_of(
             )
         scale = PixelScale(pitch_deg, pitch_mm)
     share = _shares(grid, len(values), weights)
+    name, part = "the image", (slice(None), slice(None))
+    if region is not None:
+        borders = check_region(region, *values.shape[-2:])
+        name, part = f"region {borders}", (slice(*borders[:2]), slice(*borders[2:]))
+        corner = scale.place(float(borders[0]), float(borders[2]))
+        scale = dataclasses.replace(scale, left_top=corner)
+    # Only now, so that pixels outside the region may be anything.
+    inside = (slice(None), *part)
+    values = values[inside]
+    errors = None if errors is None else errors[inside]
     brightness = values[0] if len(values) == 1 else np.tensordot(share, values, axes=1)
     if errors is None or len(values) == 1:
         noise = None if errors is None else errors[0]
     elif isinstance(image, RetinalImage) and weights is None and np.any(visible > 0):
         noise = np.asarray(image.dataset["illuminance_standard_error"].values, dtype=np.float64)
-        noise = noise / np.sum(visible)
+        noise = noise[part] / np.sum(visible)
     else:
         # Wavelengths may share their samples: the errors of the worst case add.
         noise = np.tensordot(share, errors, axes=1)
-    name = "the image"
-    return EdgeSource(name, values, errors, brightness, noise, grid, scale).cropped(region)
+    return EdgeSource(name, values, errors, brightness, noise, grid, scale)
 
 
 def _arrays(
     image: np.ndarray, standard_error: np.ndarray | float | None, region: Region | None
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Pixels (wavelengths, rows, columns) of an array, and their errors if told."""
+    if np.ma.isMaskedArray(image) and np.ma.is_masked(image):
+        # Hidden pixels become NaN, which is refused where they lie in the region.
+        image = np.ma.filled(image.astype(np.float64), np.nan)
     values = check_array("image", image)
     if values.ndim not in (2, 3) or min(values.shape) < 1:
         raise InvalidInputError(
@@ -208,13 +200,38 @@ def check_not_clipped(values: np.ndarray, name: str, is_noisy: bool) -> None:
         )
 
 
+def check_not_cut(values: np.ndarray, name: str) -> None:
+    """Raise InvalidInputError if noise of the dark side is cut off at its lowest value.
+
+    Counts of few photons are often 0 too, but they are whole steps apart.
+
+    Parameters
+    ----------
+    values : ndarray, (n,)
+        Pixels of the dark side.
+    """
+    lowest = np.min(values)
+    above = values[values > lowest]
+    cut = 1.0 - len(above) / len(values)
+    if not _CLIPPED_SHARE < cut < _MOST_CUT:
+        return
+    step = float(np.min(above) - lowest)
+    if step < _COUNT_STEP * float(np.std(values)):
+        raise InvalidInputError(
+            f"the dark side of the edge in {name} is cut off: {100.0 * cut:.0f} % of its pixels "
+            f"are exactly {lowest:g}, while others scatter above; keep values below the black "
+            "level, negative ones too"
+        )
+
+
 def _shares(
     grid: np.ndarray | None, count: int, weights: np.ndarray | Sequence[float] | None
 ) -> np.ndarray:
     """Weights of the wavelengths in the photopic image, (n,)."""
     if weights is not None:
         share = check_array("weights", weights)
-        if share.shape != (count,) or not np.all(share >= 0) or not np.sum(share) > 0:
+        is_weight = np.isfinite(share) & (share >= 0)
+        if share.shape != (count,) or not np.all(is_weight) or not np.sum(share) > 0:
             raise InvalidInputError(
                 f"weights must be {count} numbers >= 0, one per wavelength, not all 0, got "
                 f"{np.asarray(weights).tolist()}"

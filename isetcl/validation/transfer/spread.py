@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from isetcl.errors import InvalidInputError
+from isetcl.validation.transfer import tail
 from isetcl.validation.transfer.edge_line import EdgeLine
 
 OVERSAMPLING = (4, 3, 2)
@@ -28,7 +29,10 @@ _FLAT_SHARE = 0.5
 _FINE = 4
 _LINE_ROUNDS = 6
 _SETTLED_PX = 1e-5
+_LEVEL_ROUNDS = 3
 _SIDE = (0.55, 0.98)
+_CORE = 0.9
+_PER_PIXEL = 16
 _BAND = 3
 _PENALTY = 1e-6
 
@@ -53,6 +57,9 @@ class EdgeFit:
         Knots of the spline, pixels.
     factor : ndarray, (4, m)
         Cholesky factor of B^T B (nearly; see `_factor`), in bands.
+    outer_start
+        Distance from which on the edge spread function is taken to approach its levels as 1 / x,
+        pixels; see `isetcl.validation.transfer.tail`.
     """
 
     line: EdgeLine
@@ -62,6 +69,7 @@ class EdgeFit:
     basis: Any
     knots: np.ndarray
     factor: np.ndarray
+    outer_start: float
 
     @property
     def reach(self) -> float:
@@ -85,25 +93,78 @@ class EdgeFit:
         away = np.linspace(_SIDE[0], _SIDE[1], 64) * self.reach
         return float(np.mean(spread(-away))), float(np.mean(spread(away)))
 
-    def transfer_map(self, frequency: np.ndarray) -> np.ndarray:
-        """What turns B^T values into the transform of the windowed line spread, (k, m), complex.
+    def levels(self, spread: Any) -> tuple[float, float]:
+        """Brightness that a spline approaches far to the left and far to the right."""
+        left, right, _ = self._outer_maps()[0] @ spread.c
+        return float(left), float(right)
 
-        The window is 1 over the inner half and falls to 0 as a cosine.
+    def beyond(self, values: np.ndarray, variance: np.ndarray) -> tail.Beyond:
+        """Light beyond the region, of pixel values and their variances, (n,) both."""
+        from scipy.sparse import diags_array
+
+        whole, inner, outer = self._outer_maps()
+        spread = self.spline(values)
+        step = float((whole[1] - whole[0]) @ spread.c)
+        onto = np.stack([whole[2], inner[2] - outer[2]]) * 2.0 / self.reach / step
+        share, change = onto @ spread.c
+        covariance = self.basis.T @ diags_array(variance) @ self.basis
+        back = self.solve(onto.T)
+        errors = np.sqrt(np.sum(back * (covariance @ back), axis=0))
+        return tail.Beyond(float(share), float(errors[0]), float(change), float(errors[1]))
+
+    def _outer_maps(self) -> list[np.ndarray]:
+        """`tail.outer_map` of the outer part of the region and of its two halves."""
+        return [
+            tail.outer_map(self.knots, *part)
+            for part in tail.outer_parts(self.reach, self.outer_start)
+        ]
+
+    def levelled(self, values: np.ndarray) -> np.ndarray:
+        """Pixel values (n,) without what changes evenly along the edge on either of its sides.
+
+        A light that falls off along the edge would pass for a turn of its line, and for noise.
+        """
+        left = values - self.spline(values)(self.distance)
+        level = values
+        for _ in range(_LEVEL_ROUNDS):
+            sides = self.gradients(level)
+            level = values - sides @ np.linalg.lstsq(self.beside(sides), left, rcond=None)[0]
+        return level
+
+    def gradients(self, values: np.ndarray) -> np.ndarray:
+        """How brightness that rises along the edge on the left and on the right looks, (n, 2)."""
+        spread = self.spline(values)
+        low, high = self.sides(spread)
+        rise = (spread(self.distance) - low) / (high - low)
+        along = (self.pixels[0] - self.line.middle) / (self.line.rows[1] - self.line.rows[0])
+        return np.stack([along * (1.0 - rise), along * rise], axis=1)
+
+    def beside(self, columns: np.ndarray) -> np.ndarray:
+        """Pixel values (n, k) without what a function of the distance explains of them."""
+        return np.asarray(columns - self.basis @ self.solve(self.basis.T @ columns))
+
+    def transfer_map(self, frequency: np.ndarray) -> np.ndarray:
+        """What turns B^T values into the transform of the line spread function, (k, m), complex.
+
+        Under a window that is 1 over the inner half and falls to 0 as a cosine; what that leaves
+        out of the tails is put back, see `isetcl.validation.transfer.tail`.
         """
         from scipy.interpolate import BSpline
 
         steps = round(2.0 * self.reach * self.knots_per_pixel) * _FINE
         place = (np.arange(steps) + 0.5) * 2.0 * self.reach / steps - self.reach
-        outer = np.clip((np.abs(place) / self.reach - _FLAT_SHARE) / (1.0 - _FLAT_SHARE), 0.0, 1.0)
-        window = 0.5 + 0.5 * np.cos(np.pi * outer)
+        flat = _FLAT_SHARE * self.reach
+        weight = tail.window(place, flat, self.reach) / (steps / 2 / self.reach)
         count = len(self.knots) - _BAND - 1
         # The derivative of the spline of each coefficient, as quadratic splines on the same knots.
         lower = BSpline.design_matrix(place, self.knots[1:-1], _BAND - 1)
-        turn = np.exp(-2j * np.pi * np.outer(frequency, place)) * window / (steps / 2 / self.reach)
+        turn = np.exp(-2j * np.pi * np.outer(frequency, place)) * weight
         onto = np.asarray((lower.T @ turn.T).T) * self.knots_per_pixel
         slopes = np.zeros((len(frequency), count), dtype=complex)
         slopes[:, 1:] += onto
         slopes[:, :-1] -= onto
+        strength = self._outer_maps()[0][2]
+        slopes += np.outer(tail.beyond(frequency, flat, self.reach), strength)
         return np.asarray(self.solve(slopes.T).T)
 
 
@@ -126,7 +187,16 @@ def fit_edge(image: np.ndarray, line: EdgeLine, is_curved: bool) -> EdgeFit:
         half = (line.rows[1] - line.rows[0]) / 2.0
         if np.max(np.abs(step * [1.0, half, half**2])) < _SETTLED_PX:
             break
-    return found
+    blur = _blur(found, found.spline(image[found.pixels]))
+    return dataclasses.replace(found, outer_start=tail.outer_start(found.reach, blur))
+
+
+def _blur(found: EdgeFit, spread: Any) -> float:
+    """Distance from the edge that 95 % of the light reach, the mean of both sides, pixels."""
+    low, high = found.sides(spread)
+    away = np.linspace(0.0, _SIDE[1] * found.reach, round(_PER_PIXEL * found.reach))
+    rise = (spread(away) - spread(-away)) / (high - low)
+    return float(away[np.argmax(rise >= _CORE)]) if np.any(rise >= _CORE) else found.reach
 
 
 def _fit(image: np.ndarray, line: EdgeLine) -> EdgeFit:
@@ -147,7 +217,10 @@ def _fit(image: np.ndarray, line: EdgeLine) -> EdgeFit:
         raise InvalidInputError(_empty_message(line))
     knots = np.arange(-reach * per_pixel - _BAND, reach * per_pixel + _BAND + 1) / per_pixel
     basis = BSpline.design_matrix(used, knots, _BAND)
-    return EdgeFit(line, (pixels[0], pixels[1]), used, per_pixel, basis, knots, _factor(basis))
+    start = tail.outer_start(float(reach), 0.0)
+    return EdgeFit(
+        line, (pixels[0], pixels[1]), used, per_pixel, basis, knots, _factor(basis), start
+    )
 
 
 def _factor(basis: Any) -> np.ndarray:
@@ -178,9 +251,9 @@ def _line_step(image: np.ndarray, found: EdgeFit, is_curved: bool) -> np.ndarray
     u = found.pixels[0] - line.middle
     terms = np.stack([u, u**2] if is_curved else [u], axis=1)
     # The spline takes what the same shift of all pixels at a distance would explain.
-    design = -slope[:, None] * line.cosine * terms
-    design = design - np.asarray(found.basis @ found.solve(found.basis.T @ design))
-    step = np.linalg.lstsq(design, left, rcond=None)[0]
+    turns = -slope[:, None] * line.cosine * terms
+    design = np.concatenate([turns, found.gradients(values)], axis=1)
+    step = np.linalg.lstsq(found.beside(design), left, rcond=None)[0]
     # Where a sharp step would leave the same light on the left: the centroid of the line spread.
     low, high = found.sides(spread)
     end = _SIDE[1] * found.reach

@@ -10,7 +10,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from isetcl.eye.model import REFERENCE_WAVELENGTH_NM, Eye, check_eye_wavelengths
 from isetcl.eye.waves.wavefront import Wavefront
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import check_wavelengths, luminous_efficiency
-from isetcl.units import ARCMIN_PER_DEG, NM_PER_MM
+from isetcl.units import ARCMIN_PER_DEG, MM_PER_M, NM_PER_MM
 from isetcl.validation.transfer.result import SlantedEdgeMtf
 from isetcl.validation.transfer.slanted_edge import slanted_edge_mtf
 
@@ -40,8 +40,11 @@ _FAR_M = 1e6
 _ANGLE_RANGE_DEG = (2.0, 40.0)
 _PIXELS = (64, 512)
 _MARGIN = 1.15
-_TAIL = 0.004
+_BEYOND = 0.005
 _NOT_ROUND = 1.0
+
+Section = Literal["sagittal", "tangential"]
+SECTIONS: tuple[Section, ...] = ("sagittal", "tangential")
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +68,10 @@ class ThreeMtfs:
         Light, with weights that sum to 1.
     field_deg
         Field angles (x, y) of the middle of the edge.
+    section
+        ``"sagittal"`` for stripes along the field, ``"tangential"`` for those across it.
     edge_angle_deg
-        Tilt of the edge; the transfer holds for stripes along it.
+        Tilt of the edge from the vertical, anticlockwise; the transfer holds for stripes along it.
     measured
         What was measured in the image.
     image
@@ -82,6 +87,7 @@ class ThreeMtfs:
     wavelengths_nm: np.ndarray
     weights: np.ndarray
     field_deg: tuple[float, float]
+    section: Section
     edge_angle_deg: float
     measured: SlantedEdgeMtf
     image: RetinalImage
@@ -122,6 +128,7 @@ def three_mtfs(
     model: Model = "geometric",
     largest_cpd: float = 60.0,
     field_deg: float = 0.0,
+    section: Section = "sagittal",
     object_distance_m: float = math.inf,
     edge_angle_deg: float = 5.0,
     spp: int = 256,
@@ -146,12 +153,16 @@ def three_mtfs(
     largest_cpd
         Highest frequency, cycles/degree: half a cycle per pixel of the image.
     field_deg
-        Distance of the edge's middle from the axis along the edge, degrees: the section is
-        sagittal.
+        Distance of the edge's middle from the axis, degrees: upwards, with the tilt of the edge.
+    section
+        ``"sagittal"``: the edge runs along the field, and the blur across it is the sagittal one.
+        ``"tangential"``: it runs at right angles to the field. On the axis of an eye of revolution
+        the two are alike.
     object_distance_m
         Distance of the edge from the corneal vertex; infinity is 1e6 m.
     edge_angle_deg
-        Tilt of the edge from the vertical, 2 to 40 degrees.
+        Tilt of the edge from the vertical, for the tangential section from the horizontal, 2 to 40
+        degrees.
     spp, seed, device
         As for `isetcl.render`.
 
@@ -170,12 +181,14 @@ def three_mtfs(
     check_choice("model", model, ("geometric", "diffraction"))
     highest = check_positive("largest_cpd", largest_cpd, "cycles/degree")
     angle = check_between("edge_angle_deg", edge_angle_deg, *_ANGLE_RANGE_DEG, "deg")
-    along = check_finite("field_deg", field_deg, "deg")
+    check_choice("section", section, SECTIONS)
+    height = check_finite("field_deg", field_deg, "deg")
     grid = check_wavelengths(wavelengths_nm)
     check_eye_wavelengths(eye, grid)
     share = _shares(grid, weights)
     turn = math.radians(angle)
-    field = (-along * math.sin(turn) + 0.0, along * math.cos(turn))
+    field = (-height * math.sin(turn) + 0.0, height * math.cos(turn))
+    tilt = angle + (90.0 if section == "tangential" else 0.0)
     rays, fronts = [], []
     for nm in grid:
         options = {
@@ -185,13 +198,14 @@ def three_mtfs(
         rays.append(spot(eye, field, float(nm), **options))  # type: ignore[arg-type]
         fronts.append(eye.wavefront(field, float(nm), **options))  # type: ignore[arg-type]
     shifts = eye.tca_arcmin(field, grid, REFERENCE_WAVELENGTH_NM, object_distance_m)
-    across = np.array([math.cos(turn), math.sin(turn)])
+    across = np.array([math.cos(math.radians(tilt)), math.sin(math.radians(tilt))])
     moved = shifts @ across / ARCMIN_PER_DEG
     pixels = _pixels(eye, rays, shifts, highest, model, angle)
     image = _render_edge(
         eye,
         grid,
-        (pixels / (2.0 * highest), pixels, field, angle, object_distance_m),
+        (pixels / (2.0 * highest), pixels, field, tilt, object_distance_m),
+        height if section == "tangential" else 0.0,
         diffraction="airy" if model == "diffraction" else "none",
         spp=spp,
         seed=seed,
@@ -203,8 +217,8 @@ def three_mtfs(
     line, wave = np.zeros((2, len(frequency)), dtype=complex)
     for part, one, front, shift in zip(share, rays, fronts, moved, strict=True):
         phase = part * np.exp(-2j * np.pi * frequency * shift)
-        line += phase * one.otf(frequency, angle) * _ideal(front, frequency, angle, model)
-        wave += phase * _wave(front, frequency, angle, model)
+        line += phase * one.otf(frequency, tilt) * _ideal(front, frequency, tilt, model)
+        wave += phase * _wave(front, frequency, tilt, model)
     return ThreeMtfs(
         frequency,
         measured.photopic_mtf,
@@ -215,7 +229,8 @@ def three_mtfs(
         grid,
         share,
         field,
-        angle,
+        section,
+        tilt,
         measured,
         image,
     )
@@ -242,7 +257,10 @@ def _pixels(
     model: Model,
     angle_deg: float,
 ) -> int:
-    """Pixels of a square image whose flat sides hold the blur, and all but 0.4 % of diffraction."""
+    """Pixels of a square image whose flat sides hold the blur and 99.5 % of what diffraction bends.
+
+    The rest is found from what is seen of it.
+    """
     reach = max(
         float(np.max(np.hypot(one.x_arcmin + x, one.y_arcmin + y)))
         for one, (x, y) in zip(rays, shifts_arcmin, strict=True)
@@ -252,8 +270,8 @@ def _pixels(
         pupil = eye.entrance_pupil(REFERENCE_WAVELENGTH_NM).diameter_mm
         longest = max(one.wavelength_nm for one in rays)
         cutoff = math.radians(pupil * NM_PER_MM / longest)
-        # See the notes of slanted_edge_mtf: 0.13 / (f_c w), w reckoned to the middle of the fall.
-        half_deg += 0.13 / (cutoff * _TAIL * 0.75)
+        # See the notes of slanted_edge_mtf.
+        half_deg += 0.13 / (cutoff * _BEYOND)
     lean = math.cos(math.radians(angle_deg))
     count = math.ceil(_MARGIN * 2.0 * half_deg / lean * 2.0 * highest_cpd)
     if count > _PIXELS[1]:
@@ -268,6 +286,7 @@ def _render_edge(
     eye: Eye,
     grid: np.ndarray,
     view: tuple[float, int, tuple[float, float], float, float],
+    off_axis_deg: float,
     **options: object,
 ) -> RetinalImage:
     from isetcl.render.interrupt import check_complete
@@ -275,7 +294,11 @@ def _render_edge(
     from isetcl.scene.targets.edge import slanted_edge
 
     fov, pixels, field, angle, distance = view
-    scene = slanted_edge(_FAR_M if math.isinf(distance) else distance, angle)
+    away = _FAR_M if math.isinf(distance) else distance
+    # Chief rays aim at the middle of the entrance pupil.
+    height = away + eye.entrance_pupil().z_mm / MM_PER_M
+    offset = height * math.tan(math.radians(off_axis_deg))
+    scene = slanted_edge(away, angle, offset_m=offset)
     image: RetinalImage = render(  # type: ignore[call-overload]
         scene,
         eye,

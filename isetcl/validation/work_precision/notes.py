@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -137,7 +136,7 @@ def cone_record(
     if excitations is None:
         return {}
     light = {"illuminance_lux": illuminance_lux, "mean_excitations": excitations}
-    return {"cone_noise": dataclasses.asdict(cone) | light}
+    return {"cone_noise": cone.describe() | light}
 
 
 def _plain(value: Any) -> Any:
