@@ -9,6 +9,7 @@ import pytest
 import isetcl as ic
 from isetcl.validation import compare, occlusion_error, occlusion_strip
 from isetcl.validation.comparison import REFERENCE_SEED_OFFSET
+from isetcl.validation.occlusion.error import region_error
 
 
 def test_the_strip_reaches_a_times_the_difference_in_dioptres():
@@ -116,6 +117,105 @@ def test_a_method_s_own_noise_can_count_as_its_error():
     assert occlusion_error(noisy, exact).spectral["all"][5].rms < 0.02
     counted = occlusion_error(noisy, exact, noise_is_error=True)
     assert counted.spectral["all"][5].rms == pytest.approx(0.05, rel=0.1)
+
+
+def planted(rng, bias, sigma, replicates, skewed):
+    """Difference (trials, pixels) of known bias, and its variance from replicates."""
+    if skewed:
+        noise = rng.exponential(1.0, (400, replicates, 400)) - 1.0
+    else:
+        noise = rng.standard_normal((400, replicates, 400))
+    noise *= sigma * np.sqrt(replicates)
+    return bias + noise.mean(axis=1), noise.var(axis=1, ddof=1) / replicates
+
+
+@pytest.mark.parametrize("skewed", [False, True])
+@pytest.mark.parametrize("replicates", [2, 4, 8])
+@pytest.mark.parametrize("bias", [0.0, 0.02, 0.1])
+def test_the_error_found_under_noise_is_the_one_that_was_planted(bias, replicates, skewed):
+    rng = np.random.default_rng(17)
+    # Errors of all sizes, with noise that differs from pixel to pixel by a factor of ten.
+    truth = bias * rng.standard_normal(400)
+    sigma = 0.05 * np.geomspace(0.3, 3.0, 400)
+    off, noise2 = planted(rng, truth, sigma, replicates, skewed)
+    everywhere = np.ones(400, dtype=bool)
+    found = [
+        region_error(3.0 * e, 9.0 * v, 3.0, everywhere, replicates - 1)
+        for e, v in zip(off, noise2, strict=True)
+    ]
+    square = np.mean(truth**2)
+    # Without clipping at 0, the mean square is unbiased: 400 trials know it to five percent of its
+    # own spread.
+    squares = np.mean(off**2 - noise2, axis=1)
+    assert abs(squares.mean() - square) < 4.0 * squares.std(ddof=1) / 20.0
+    for e, q in zip(found, squares, strict=True):
+        assert e.rms == pytest.approx(np.sqrt(max(q, 0.0)), rel=1e-9, abs=1e-12)
+    covered = np.mean([a**2 <= square <= b**2 for a, b in (e.rms_interval for e in found)])
+    # Where the error is 0 only the upper end can miss. 400 trials know the share to 1.1 %. Skewed
+    # noise, large where its estimate is, makes intervals a little too wide.
+    assert covered > 0.95 - 0.04
+    if not skewed:
+        assert covered < (1.0 if bias == 0.0 else 0.95 + 0.04)
+    means = np.array([(e.bias, e.bias_error) for e in found])
+    z = (means[:, 0] - truth.mean()) / means[:, 1]
+    assert z.std() == pytest.approx(1.0, abs=0.15)
+
+
+def test_the_upper_end_of_what_is_not_found_is_an_error_that_may_be_there():
+    rng = np.random.default_rng(18)
+    off, noise2 = planted(rng, 0.0, 0.05, 4, False)
+    everywhere = np.ones(400, dtype=bool)
+    ends = [
+        region_error(e, v, 1.0, everywhere, 3).rms_interval
+        for e, v in zip(off[:50], noise2[:50], strict=True)
+    ]
+    # 2 s^4 (1 + 1 / 3) over 400 pixels: 1.96 sqrt(8 / 3 / 400) s^2 above a mean square of 0.
+    typical = 0.05 * np.sqrt(1.96 * np.sqrt(8.0 / 3.0 / 400.0))
+    assert np.sqrt(np.mean([b**2 for _, b in ends])) == pytest.approx(typical, rel=0.12)
+
+
+@pytest.mark.slow
+def test_intervals_of_ray_traced_images_cover_a_planted_error():
+    eye, scene = ic.eyes.navarro(4.0, 2.0), ic.scenes.two_planes()
+    view = {"fov_deg": 2.0, "resolution": 32, "wavelengths_nm": np.array([480.0, 550.0, 620.0])}
+    truth = ic.render(scene, eye, spp=16384, seed=999, progress=False, **view)
+    values = truth.irradiance.values.astype(np.float64)
+    error = 0.01 * values.mean() * np.random.default_rng(0).standard_normal((32, 32))
+    grid = ic.RetinalGrid.of(eye, 2.0, 32)
+    depth = truth.vergence_dpt.values
+    wrong, right = (
+        ic.RetinalImage.from_arrays(grid, view["wavelengths_nm"], v, vergence_dpt=depth)
+        for v in (values + error, values)
+    )
+    planted = occlusion_error(wrong, right).photopic
+    found = [
+        occlusion_error(wrong, ic.render(scene, eye, spp=64, seed=seed, progress=False, **view))
+        for seed in range(60)
+    ]
+    for region in ("strip", "outside"):
+        own, rms = [e.photopic[region] for e in found], planted[region].rms
+        covered = np.mean([e.rms_interval[0] <= rms <= e.rms_interval[1] for e in own])
+        # 60 images know the share to 2.8 %.
+        assert covered >= 0.95 - 3 * 0.028
+        # Before it is clipped at 0.
+        mask = found[0].strip if region == "strip" else ~found[0].strip
+        squares = np.array(
+            [
+                np.mean(e.photopic_difference.values[mask] ** 2.0) / o.level**2 - o.noise**2
+                for e, o in zip(found, own, strict=True)
+            ]
+        )
+        assert squares.mean() == pytest.approx(rms**2, abs=4 * squares.std() / np.sqrt(60))
+
+
+def test_errors_can_be_had_over_pixels_of_one_s_own_choice():
+    off = np.ones((24, 60))
+    off[:, 28:32] += 0.2
+    found = occlusion_error(image(off, 0.01), image(1.0))
+    assert found.photopic_over(found.strip) == found.photopic["strip"]
+    assert found.photopic_over(off > 1.1).bias == pytest.approx(0.2, rel=1e-9)
+    with pytest.raises(ic.InvalidInputError, match="mask"):
+        found.photopic_over(np.ones(3))
 
 
 def test_images_on_other_grids_or_without_depth_are_refused():

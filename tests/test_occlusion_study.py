@@ -71,6 +71,7 @@ def thin_study(methods, focus):
         levels=(0.0, 1.0),
         thin_lens=True,
         columns=80,
+        oversampling=2,
         eye=navarro,
     )
 
@@ -201,7 +202,7 @@ def test_table_figure_and_file_tell_the_same(figure_12, tmp_path):
     assert len(lines) == 1 + 3
     assert lines[1].split()[:8] == ["0.5", "2", "near", "4", "0.9", "2", "layered_sum", "10.3"]
     figure = figure_12.plot()
-    left, right = figure.axes
+    left, right = figure.axes[:2]
     assert [t.get_text() for t in left.get_yticklabels()] == [
         "layered sum", "layered over", "pupil clipped",
     ]  # fmt: skip
@@ -215,20 +216,118 @@ def test_table_figure_and_file_tell_the_same(figure_12, tmp_path):
 
 def test_the_noise_of_the_reference_is_no_error():
     wavelengths = np.array([550.0])
-    work = cells.Work(("one",), wavelengths, (1.0, 1.0), navarro, False, 60, 2.5, 64, 0, None, 0.02)
+    work = cells.Work(
+        *(("one",), wavelengths, (1.0, 1.0), navarro, False, 60, 2.5, 64, 0, None, 0.02),
+        *("geometric", 1, 2),
+    )
     rng = np.random.default_rng(3)
     error = 0.05
     noise = np.full((1, 20, 60), error**2)
     off = error * rng.standard_normal((1, 1, 20, 60))
-    found = work._errors(off, noise, 10.0)
+    found = work._errors(off, noise, 10.0, np.array([15.0]), 7)
     # 480 pixels: the mean square is known to 6.5 %.
     assert found["strip_rms"].item() < 0.5 * error
+    assert found["strip_rms_low"].item() == 0.0
+    assert 0.0 < found["away_rms_high"].item() < 0.6 * error
     assert found["reach_arcmin"].item() == 0.0
     off[..., 24:36] += 0.2
-    found = work._errors(off, noise, 10.0)
+    # Where light is still blurred to: in the outside, not away.
+    off[..., 45:48] += 0.3
+    found = work._errors(off, noise, 10.0, np.array([15.0]), 7)
     assert found["strip_rms"].item() == pytest.approx(0.2 * np.sqrt(12 / 24), rel=0.05)
+    assert found["strip_rms_low"].item() < 0.2 * np.sqrt(0.5) < found["strip_rms_high"].item()
     assert found["reach_arcmin"].item() == pytest.approx(6 * 50.0 / 60)
     assert found["strip_bias"].item() == pytest.approx(0.1, rel=0.1)
+    assert found["outside_rms"].item() == pytest.approx(0.3 * np.sqrt(3 / 36), rel=0.1)
+    assert found["away_rms_low"].item() == 0.0
+    # A field that blur fills has no pixels away from the edge.
+    assert np.isnan(work._errors(off, noise, 10.0, np.array([30.0]), 7)["away_rms"].item())
+
+
+SMALL = {
+    "methods": ("layered_sum",),
+    "focus": ("near",),
+    "pupil_mm": (4.0,),
+    "columns": 24,
+    "oversampling": 4,
+    "reference_spp": 512,
+    "eye": navarro,
+}
+
+
+@functools.cache
+def small_study():
+    return occlusion_study(**SMALL).dataset.squeeze()
+
+
+def arizona(pupil_mm, focus_dpt):
+    return ic.eyes.arizona(pupil_mm, focus_dpt, pupil_plane="entrance")
+
+
+def width(data, region="away"):
+    """Of the interval of the mean square error."""
+    return (data[f"{region}_rms_high"] ** 2 - data[f"{region}_rms_low"] ** 2).item()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("options", "holds"),
+    [
+        # Half-widths are a |D1 - D2|; planes nearer together make smaller errors.
+        ({"near_m": (1.0,)}, lambda new, old: new.half_width_arcmin * 3 == old.half_width_arcmin),
+        ({"far_m": (1.0,)}, lambda new, old: new.half_width_arcmin * 1.5 == old.half_width_arcmin),
+        ({"pupil_mm": (2.0,)}, lambda new, old: new.half_width_arcmin * 2 == old.half_width_arcmin),
+        # Checks that the far plane's blur does not wipe out make the sum more wrong.
+        ({"focus": ("far",)}, lambda new, old: new.strip_rms > 1.2 * old.strip_rms),
+        ({"focus": (1.0,)}, lambda new, old: new.blur_reach_arcmin < 0.9 * old.blur_reach_arcmin),
+        # Even planes have nothing to be blurred away from the edge, and not much noise.
+        ({"contrast": (0.0,)}, lambda new, old: new.away_rms_high < 1e-3),
+        ({"contrast": (0.3,)}, lambda new, old: 2 * new.away_rms_high < old.away_rms_high),
+        ({"frequency_cpd": (1.0,)}, lambda new, old: new.strip_rms != old.strip_rms),
+        # Blue light is blurred more where green is in focus.
+        (
+            {"wavelengths_nm": (450.0,)},
+            lambda new, old: new.blur_reach_arcmin > 1.3 * old.blur_reach_arcmin,
+        ),
+        # Before a dark far plane the near one in focus is all there is.
+        ({"levels": (1.0, 0.0)}, lambda new, old: new.strip_rms < 0.1 * old.strip_rms),
+        ({"levels": (2.0, 2.0)}, lambda new, old: abs(new.strip_rms / old.strip_rms - 2) < 0.02),
+        ({"eye": arizona}, lambda new, old: abs(new.blur_reach_arcmin - old.blur_reach_arcmin) > 0),
+        ({"span": 2.0}, lambda new, old: new.offset.max() < old.offset.max()),
+        ({"columns": 36}, lambda new, old: new.sizes["offset"] == 36),
+        ({"reach_error": 0.2}, lambda new, old: new.reach_arcmin < old.reach_arcmin),
+        # A quarter of the samples: noise of twice the size or more.
+        ({"reference_spp": 128}, lambda new, old: width(new) > 2.0 * width(old)),
+        ({"seed": 1}, lambda new, old: 0 < abs(new.away_bias - old.away_bias) < 2e-3),
+        # One PSF for the whole field, few samples: worse away from the edge.
+        ({"field": 1}, lambda new, old: new.away_rms > old.away_rms_high),
+        ({"oversampling": 1}, lambda new, old: new.away_rms > old.away_rms_high),
+        ({"psf": "geometric_spread"}, lambda new, old: abs(new.profile - old.profile).max() > 2e-3),
+        ({"psf": "disc"}, lambda new, old: new.away_rms > 0.03),
+        ({"thin_lens": True}, lambda new, old: width(new) == 0.0 < width(old)),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_every_option_does_what_it_says(options, holds):
+    data = occlusion_study(**{**SMALL, **options}).dataset.squeeze()
+    assert holds(data, small_study())
+
+
+@pytest.mark.slow
+def test_away_from_the_edge_nothing_is_wrong():
+    # The default's samples and PSFs, all colours, near and far in focus.
+    study = occlusion_study(
+        ("layered_sum", "layered_over"),
+        pupil_mm=(4.0,),
+        wavelengths_nm=(450.0, 550.0, 650.0),
+        columns=36,
+        eye=navarro,
+    )
+    data = study.dataset.squeeze()
+    assert float(data["strip_rms"].sel(kind="layered_sum").min()) > 0.1
+    assert float(data["away_rms_high"].max()) < 0.01
+    # Together, all cells: what is left is the samples of the views.
+    assert float(np.sqrt((data["away_rms"] ** 2).mean())) < 0.004
 
 
 GRID = {
@@ -266,6 +365,13 @@ def test_a_study_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
     part = occlusion_study(**GRID, path=path, on_step=stop)
     assert not part.is_complete
     assert np.isfinite(part.dataset["strip_rms"].values).sum() == 1
+    # Pairs that are left out have no line, cells that were not reached no numbers.
+    lines = [line.split() for line in part.table().splitlines()[1:]]
+    assert [line[:2] for line in lines] == [["0.5", "2"], ["0.5", "2.2"]]
+    assert [line[-1] == "-" for line in lines] == [False, True]
+    # The thin lens, out of focus for the far plane alone, blurs it as far as the strip is wide.
+    one = part.dataset.isel(far_m=0, near_m=0)
+    assert one["blur_reach_arcmin"].item() == pytest.approx(one["half_width_arcmin"].item())
     # The last line was cut off.
     with path.open("a") as file:
         file.write('{"cell": "[0.5, 2.0, ')
@@ -300,6 +406,12 @@ def test_a_study_that_was_stopped_goes_on_where_it_was(tmp_path, monkeypatch):
         ({"eye": "navarro"}, "function of pupil and focus"),
         ({"focus": (20.0,)}, "focus"),
         ({"on_step": 3}, "on_step"),
+        ({"psf": "geometrical"}, "geometric"),
+        ({"field": 0}, "field"),
+        ({"oversampling": 9}, "oversampling"),
+        ({"reach_error": 0.0}, "reach_error"),
+        ({"seed": -1}, "seed"),
+        ({"wavelengths_nm": (700.0, 400.0)}, "wavelengths"),
     ],
 )
 def test_bad_input_is_refused_before_any_work(options, text, monkeypatch):

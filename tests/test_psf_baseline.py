@@ -310,14 +310,18 @@ def blob(image, i):
     )
 
 
-def test_a_point_off_the_axis_is_blurred_as_traced():
+@pytest.mark.parametrize(
+    "options",
+    [{"psf": "geometric_spread"}, pytest.param({"field": 3}, marks=pytest.mark.slow)],
+)
+def test_a_point_off_the_axis_is_blurred_as_traced(options):
     # a defocused point 12 deg up and 5 deg left: coma and transverse colour have a direction
     eye = ic.eyes.navarro(5.0, 2.0)
     centre = (-5.0, 12.0)
     scene = ic.scenes.point_source(1.2, centre, diameter_arcmin=4.0)
     where = {"fov_deg": 1.6, "resolution": 64, "centre_deg": centre}
     where["wavelengths_nm"] = [450.0, 550.0, 650.0]
-    base = ic.psf_baseline.render(scene, eye, **where)
+    base = ic.psf_baseline.render(scene, eye, **where, **options)
     traced = ic.render(scene, eye, spp=4096, bands=3, **where)
     for i in range(3):
         b, t = blob(base, i), blob(traced, i)

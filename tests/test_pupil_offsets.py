@@ -9,7 +9,7 @@ from layers import disc, layer
 from oracles import reduced_eye
 
 import isetcl as ic
-from isetcl.psf_baseline import geometric_psf, methods, pupil_offsets
+from isetcl.psf_baseline import methods, psf_kinds, pupil_offsets
 from isetcl.psf_baseline.convolve import LayerSpectra, SpectralBlur
 from isetcl.psf_baseline.pupil import PupilOffsets, thin_lens_offsets
 from isetcl.psf_baseline.slicing import soft_slices
@@ -138,7 +138,7 @@ def test_rays_fill_the_disc_evenly(samples, rays):
 def test_rays_through_the_pupil_have_the_moments_of_the_psf(field):
     eye = ic.eyes.navarro(4.0, 2.0)
     found = pupil_offsets(eye, 550.0, (0.5,), 200, rays_per_sample=16, field_deg=field)
-    psf = geometric_psf(eye, 550.0, 0.5, 0.004, field)
+    psf = psf_kinds()["geometric"](eye, 550.0, 0.5, 0.004, field)
     n = (np.arange(psf.kernel.shape[0]) - psf.radius) * psf.pitch_deg
     w, x, y = found.weights, found.x_deg[0], found.y_deg[0]
     for mine, kernel, places in ((x, psf.kernel.sum(axis=0), n), (y, psf.kernel.sum(axis=1), -n)):
@@ -153,7 +153,7 @@ def test_cells_of_an_elliptical_pupil_have_the_moments_of_the_psf():
     narrow = ic.Stop(eye.stop.z_mm, 4.0, minor_diameter_mm=2.0, axis_deg=30.0)
     eye = dataclasses.replace(eye, stop=narrow)
     found = pupil_offsets(eye, 550.0, (0.5,), 200, rays_per_sample=16)
-    psf = geometric_psf(eye, 550.0, 0.5, 0.004)
+    psf = psf_kinds()["geometric"](eye, 550.0, 0.5, 0.004)
     n = (np.arange(psf.kernel.shape[0]) - psf.radius) * psf.pitch_deg
     x, y = np.meshgrid(n, -n)
     mine = (found.x_deg[0], found.y_deg[0])

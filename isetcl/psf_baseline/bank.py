@@ -8,6 +8,7 @@ that times the range of radiance.
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import time
 from collections.abc import Sequence
@@ -85,7 +86,8 @@ class PsfBank:
     def psf(self, wavelength_nm: float, vergence_dpt: float, field_deg: Field = (0.0, 0.0)) -> Psf:
         """The PSF of a wavelength in nm, a vergence in 1/m and a field position in degrees.
 
-        What its kind does not know makes no difference: the same object is returned.
+        What its kind does not know makes no difference: the same object is returned. In an eye that
+        is a figure of revolution mirrored positions have mirrored PSFs, of which one is made.
         """
         kind = self._kind
         if kind is None:
@@ -96,7 +98,12 @@ class PsfBank:
         at = check_pair("field_deg", field_deg, "deg") if kind.knows_field else (0.0, 0.0)
         place = (wavelength, vergence, at)
         if place not in self._psfs:
-            self._psfs[place] = self._get(kind, *place)
+            first = _first_octant(at) if self.eye.is_rotational else at
+            if first != at:
+                psf = self.psf(wavelength, vergence, first)
+                self._psfs[place] = dataclasses.replace(psf, kernel=_mirrored(psf.kernel, at))
+            else:
+                self._psfs[place] = self._get(kind, *place)
         return self._psfs[place]
 
     def over_depth(
@@ -247,6 +254,22 @@ class PsfBank:
                 corners = [at(t, sense * s) for t in (a, b) for s in (a, b)]
                 worst = max(worst, kernel_distance(mixed(corners, [0.25] * 4), at(m, sense * m)))
         return worst
+
+
+def _first_octant(at: Field) -> Field:
+    """The position with 0 <= y <= x that mirrors put on this one, to 1e-9 deg."""
+    x, y = sorted((round(abs(v), 9) for v in at), reverse=True)
+    return x, y
+
+
+def _mirrored(kernel: np.ndarray, at: Field) -> np.ndarray:
+    """The kernel of a position in the first octant, for one that mirrors put it on."""
+    x, y = at
+    if abs(y) > abs(x):
+        # Row 0 is up: x and y change places about the other diagonal.
+        kernel = kernel[::-1, ::-1].T
+    kernel = kernel[:, ::-1] if x < 0 else kernel
+    return kernel[::-1] if y < 0 else kernel
 
 
 def _of_pitch(psf: Psf, pitch_deg: float) -> Psf:

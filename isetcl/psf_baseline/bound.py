@@ -15,7 +15,7 @@ prediction itself may be wrong by, each part from its cause:
   the range of the farther radiances within reach: what is hidden is like what is seen beside it;
 * agreement: 0.2 % of each pixel, what methods and ray tracing agree to on flat scenes.
 
-What counts as error depends on the kind of PSF. The eye's own (geometric, wave, hurb) are judged by
+What counts as error depends on the kind of PSF. The eye's own (of rays, wave, hurb) are judged by
 ray tracing with the same diffraction, or none: diffraction changes the prediction by what it
 changes in M8, whose layers are the same. All others, and a `Psf` of the user's, are judged by the
 eye's rays, so that what they leave out or add is error too, everywhere in the image.

@@ -66,10 +66,11 @@ def predict(
     image = made(samples, "centre")
     centred, coarse = image.brightness()[0], made(samples // 2, "centre").brightness()[0]
     by_field = made(samples // 2, NODES).brightness()[0] - coarse
-    if is_own(psf) and psf_kind(psf).name != "geometric":
+    if is_own(psf) and psf_kind(psf).name not in ("geometric", "geometric_spread"):
+        # Diffraction is known of object points; rays of the same leave nothing else in the change.
         diffracted, sharp = (
             render(scene, eye, method="layered_over", psf=kind, **where).brightness()[0]
-            for kind in (psf, "geometric")
+            for kind in (psf, "geometric_spread")
         )
         centred, coarse = (part + diffracted - sharp for part in (centred, coarse))
     level = float(np.mean(centred[centred > 0])) if np.any(centred > 0) else 1.0

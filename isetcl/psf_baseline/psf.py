@@ -98,11 +98,12 @@ def geometric_psf(
     pitch_deg: float,
     field_deg: tuple[float, float] = (0.0, 0.0),
 ) -> Psf:
-    """The PSF of an eye from its own rays, without diffraction.
+    """The PSF of an object point from an eye's own rays, without diffraction.
 
-    On the axis of an eye that is a figure of revolution a meridional fan is traced and turned about
-    the axis; otherwise the whole pupil is filled. Every ray carries the flux of its share of solid
-    angle. The kernel is as large as the rays need.
+    Where its light lands, the PSF of kind "geometric_spread"; that of kind "geometric" is where a
+    retinal point gathers light from. On the axis of an eye that is a figure of revolution a
+    meridional fan is traced and turned about the axis; otherwise the whole pupil is filled. Every
+    ray carries the flux of its share of solid angle. The kernel is as large as the rays need.
 
     Parameters
     ----------
@@ -132,9 +133,9 @@ def geometric_psf(
         )
     if field_deg == (0.0, 0.0) and eye.is_rotational:
         radius_deg, weights = _axial_spread(eye, wavelength_nm, vergence_dpt)
-        return _turned(radius_deg / pitch_deg, weights, pitch_deg)
+        return turned(radius_deg / pitch_deg, weights, pitch_deg)
     x, y, weights = spread_deg(eye, wavelength_nm, vergence_dpt, field_deg)
-    return _deposited(x / pitch_deg, y / pitch_deg, weights, pitch_deg)
+    return deposited(x / pitch_deg, y / pitch_deg, weights, pitch_deg)
 
 
 def _axial_spread(
@@ -243,7 +244,7 @@ def _arc_mm(eye: Eye, height_mm: np.ndarray, depth_mm: np.ndarray) -> np.ndarray
     return height_mm / 2.0 * np.sum(weights * np.sqrt(1.0 + (c * rho) ** 2 / inside), axis=1)
 
 
-def _turned(radius: np.ndarray, weights: np.ndarray, pitch_deg: float) -> Psf:
+def turned(radius: np.ndarray, weights: np.ndarray, pitch_deg: float) -> Psf:
     """A kernel from a radial distribution (in samples), every ray spread over its ring.
 
     Between neighbouring rays of the fan the flux is spread evenly, so that the rings are dense.
@@ -285,7 +286,7 @@ def _densified(radius: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.
     return distance, np.concatenate([flux.ravel(), ends_flux])
 
 
-def _deposited(x: np.ndarray, y: np.ndarray, weights: np.ndarray, pitch_deg: float) -> Psf:
+def deposited(x: np.ndarray, y: np.ndarray, weights: np.ndarray, pitch_deg: float) -> Psf:
     """A kernel from points (in samples), each shared between the four samples around it."""
     half = _kernel_radius(float(max(np.abs(x).max(), np.abs(y).max())) + 1.0)
     size = 2 * half + 1

@@ -149,5 +149,6 @@ def _source_digest() -> str:
     for folder in ("eye", "psf_baseline/psfs"):
         for path in sorted((package / folder).rglob("*.py")):
             digest.update(path.read_bytes())
-    digest.update((package / "psf_baseline/psf.py").read_bytes())
+    for name in ("psf.py", "outgoing.py"):
+        digest.update((package / "psf_baseline" / name).read_bytes())
     return digest.hexdigest()

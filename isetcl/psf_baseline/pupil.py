@@ -1,14 +1,15 @@
-"""Where rays through points of the pupil land, for methods that follow light through parts of it.
+"""Where rays through points of the pupil come from, for methods that follow parts of the light.
 
-The pupil is divided into cells of equal area in rings, each filled with rays. A ray through point
-p of the pupil from an object at vergence V lands where the chief ray from another direction does;
-the difference of that direction and the object's is its offset, in degrees of visual angle.
+The pupil is divided into cells of equal area in rings, each filled with rays. A ray of a retinal
+point through point p of the pupil meets an object at vergence V in another direction than the
+point's chief ray comes from; the chief ray's direction less the object's is its offset, in degrees
+of visual angle. It is one ray for all vergences, so that what stands before what is right.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,26 +22,21 @@ from isetcl.errors import (
     check_positive,
     check_type,
 )
-from isetcl.eye import paraxial
 from isetcl.eye.model import Eye
-from isetcl.eye.prescription import elements
-from isetcl.eye.rays import RayBundle
-from isetcl.eye.sequential import trace_elements
-from isetcl.psf_baseline.psf import launch, seen_from
+from isetcl.psf_baseline.outgoing import LARGEST_PUPIL, RetinalPoint
 from isetcl.units import MM_PER_M
 
 MAX_SAMPLES = 1 << 16
 
 _DIRECTIONS = 96
 _BISECTIONS = 24
-_LARGEST_PUPIL = 1.3  # of the paraxial radius
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _LATTICE = np.arange(_DIRECTIONS) / _DIRECTIONS * 2.0 * math.pi
 
 
 @dataclass(frozen=True, eq=False)
 class PupilOffsets:
-    """Rays through the pupil from objects at some vergences.
+    """Rays of a retinal point through the pupil, and what they meet at some vergences.
 
     Attributes
     ----------
@@ -51,7 +47,7 @@ class PupilOffsets:
     weights : ndarray, (samples, rays)
         Shares of the flux; their sum is 1.
     x_deg, y_deg : ndarray, (vergences, samples, rays)
-        Offsets of where they land, degrees of visual angle; y is up.
+        How far what they meet is moved in the image, degrees of visual angle; y is up.
     """
 
     vergences_dpt: tuple[float, ...]
@@ -70,7 +66,7 @@ def pupil_offsets(
     rays_per_sample: int = 1,
     field_deg: tuple[float, float] = (0.0, 0.0),
 ) -> PupilOffsets:
-    """Where the eye's own rays land, aberrations and longitudinal colour included.
+    """What the eye's own rays meet, aberrations and longitudinal colour included.
 
     Parameters
     ----------
@@ -83,7 +79,7 @@ def pupil_offsets(
     rays_per_sample
         Rays in each; a single one goes through its middle.
     field_deg
-        Field angles (x, y) of the objects.
+        Field angles (x, y) of the retinal point.
 
     Raises
     ------
@@ -95,29 +91,22 @@ def pupil_offsets(
     verges = np.array([check_finite("vergences_dpt", v, "dpt") for v in vergences_dpt])
     field = check_pair("field_deg", field_deg, "deg")
     unit = _cells(samples, rays_per_sample)
-    tracer = _Tracer(eye, wavelength_nm, field)
-    radius_mm = _boundary_mm(tracer, {float(verges.min()), float(verges.max())})
+    point = RetinalPoint(eye, wavelength_nm, field)
     turn = np.arctan2(unit[..., 1], unit[..., 0]).ravel()
-    reach = np.interp(turn, _LATTICE, radius_mm, period=2.0 * math.pi)
-    points = unit.reshape(-1, 2) * reach[:, None]
-    weights, offsets = [], []
-    for v in verges:
-        rays, flux = tracer.through(points, float(v))
-        # Equal areas of the unit disc are reach^2 as large here.
-        weights.append(flux * reach**2)
-        seen = seen_from(eye, wavelength_nm, rays) - np.array(field)
-        offsets.append(np.where(rays.passed[:, None], seen, 0.0))
-    passed = np.all(np.array(weights) > 0, axis=0)
-    if not passed.any():
+    reach = np.interp(turn, _LATTICE, _boundary_mm(point), period=2.0 * math.pi)
+    rays = point.through(unit.reshape(-1, 2) * reach[:, None])
+    if not np.any(rays.flux > 0):
         raise InvalidInputError(
-            f"no ray passes eye {eye.name!r} for all of {verges.tolist()} dpt at {field}; move the "
-            "objects or the field position"
+            f"no ray passes eye {eye.name!r} at {field}; move the field position"
         )
-    share = np.mean([w * passed / (w * passed).sum() for w in weights], axis=0)
+    # Equal areas of the unit disc are reach^2 as large here.
+    share = rays.flux * reach**2
     shape = unit.shape[:2]
-    x, y = np.moveaxis(np.array(offsets), -1, 0).reshape(2, len(verges), *shape)
+    offsets = np.array([rays.offsets_deg(float(v)) for v in verges])
+    x, y = np.moveaxis(offsets, -1, 0).reshape(2, len(verges), *shape)
+    points = rays.entrance_points_mm().reshape(*shape, 2)
     return PupilOffsets(
-        tuple(map(float, verges)), points.reshape(*shape, 2), share.reshape(shape), x, y
+        tuple(map(float, verges)), points, (share / share.sum()).reshape(shape), x, y
     )
 
 
@@ -168,30 +157,12 @@ def _cells(samples: int, rays_per_sample: int) -> np.ndarray:
     return np.array(cells)
 
 
-class _Tracer:
-    """Rays of one wavelength and field position through points of the pupil."""
-
-    def __init__(self, eye: Eye, wavelength_nm: float, field_deg: tuple[float, float]) -> None:
-        self._elements = elements(eye, wavelength_nm)
-        self._field = field_deg
-        self._middle = eye.field_map(wavelength_nm).entrance_mm(*np.array(field_deg))
-        self.largest_mm = _LARGEST_PUPIL * paraxial.entrance_pupil(eye, wavelength_nm).radius_mm
-
-    def through(self, points_mm: np.ndarray, vergence_dpt: float) -> tuple[RayBundle, np.ndarray]:
-        """The rays at the retina, and the flux of each, 0 where it does not arrive."""
-        origins, directions = launch(points_mm, vergence_dpt, self._middle, self._field)
-        rays = trace_elements(self._elements, origins, directions, "retina")
-        return rays, directions[:, 2] ** 3 * rays.passed
-
-
-def _boundary_mm(tracer: _Tracer, vergences_dpt: Collection[float]) -> np.ndarray:
+def _boundary_mm(point: RetinalPoint) -> np.ndarray:
     """How far from its centre the pupil reaches in every direction, by bisection, mm."""
     towards = np.stack([np.cos(_LATTICE), np.sin(_LATTICE)], axis=1)
-    low, high = np.zeros(_DIRECTIONS), np.full(_DIRECTIONS, tracer.largest_mm)
+    low, high = np.zeros(_DIRECTIONS), np.full(_DIRECTIONS, LARGEST_PUPIL * point.radius_mm)
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2.0
-        passed = np.ones(_DIRECTIONS, dtype=bool)
-        for v in vergences_dpt:
-            passed &= tracer.through(towards * middle[:, None], v)[0].passed
+        passed = point.through(towards * middle[:, None]).flux > 0
         low, high = np.where(passed, middle, low), np.where(passed, high, middle)
     return low

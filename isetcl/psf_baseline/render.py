@@ -112,8 +112,10 @@ def render(
     method
         One of `methods()`, for instance ``"layered_sum"`` or ``"pupil_clipped"``.
     psf
-        One of `psf_kinds()`: ``"geometric"`` is from the eye's own rays, ``"wave"`` has
-        diffraction too. A `Psf` of your own, on the grid of the view's samples, serves all.
+        One of `psf_kinds()`: ``"geometric"`` is from the eye's own rays to each retinal point,
+        ``"wave"`` has diffraction too, but is that of object points, as ``"geometric_spread"`` is:
+        far out of focus coma makes their blur 1 % too large or small. A `Psf` of your own, on the
+        grid of the view's samples, serves all.
     field
         ``"centre"``; ``"patches"``: PSFs change across the image, made at so many nodes a side
         that those interpolated between them err by `psf_error`; or the number of nodes a side.

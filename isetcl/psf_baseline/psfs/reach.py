@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from isetcl.eye.model import Eye
-from isetcl.psf_baseline.psf import Psf, spread_deg
+from isetcl.psf_baseline.outgoing import gathered_deg
+from isetcl.psf_baseline.psf import Psf
 from isetcl.psf_baseline.psfs.registry import PsfKind
 
 _RAYS = 1024
@@ -24,12 +25,12 @@ def reach_psf(
     *,
     reach_deg: float = 2.0,
 ) -> Psf:
-    """A point in a kernel as large as `geometric_psf`'s, which takes a fraction of its time.
+    """A point in a kernel as large as `gathered_psf`'s, which takes a fraction of its time.
 
     Views are as large as the PSFs of their layers; methods that follow rays use nothing else of
     them.
     """
-    x, y, _ = spread_deg(eye, wavelength_nm, vergence_dpt, field_deg, _RAYS)
+    x, y, _ = gathered_deg(eye, wavelength_nm, vergence_dpt, field_deg, _RAYS)
     half = math.ceil(_ROOM * float(max(np.abs(x).max(), np.abs(y).max())) / pitch_deg) + 1
     kernel = np.zeros((2 * half + 1, 2 * half + 1))
     kernel[half, half] = 1.0

@@ -20,6 +20,7 @@ from isetcl.errors import (
 from isetcl.eye.model import Eye
 from isetcl.psf_baseline.psf import Psf, geometric_psf
 from isetcl.psf_baseline.psfs.defocus import chromatic_defocus_psf, disc_psf, gaussian_psf
+from isetcl.psf_baseline.psfs.gathered import gathered_psf
 from isetcl.psf_baseline.psfs.hurb import hurb_psf
 from isetcl.psf_baseline.psfs.population import (
     ijspeert_psf,
@@ -128,7 +129,7 @@ class PsfKind:
         return {"kind": self.name, **self.options}
 
 
-def _geometric(
+def _spread(
     eye: Eye,
     wavelength_nm: float,
     vergence_dpt: float,
@@ -144,7 +145,20 @@ def _geometric(
 _EYE: dict[str, Any] = {"knows_wavelength": True, "knows_depth": True, "knows_field": True}
 
 _KINDS = (
-    PsfKind("geometric", _geometric, "the eye's own rays", "no diffraction", **_EYE),
+    PsfKind(
+        "geometric",
+        gathered_psf,
+        "the eye's own rays, to a retinal point",
+        "no diffraction",
+        **_EYE,
+    ),
+    PsfKind(
+        "geometric_spread",
+        _spread,
+        "the eye's own rays, from an object point",
+        "no diffraction; coma makes large blur discs of the wrong size, by about 1 %",
+        **_EYE,
+    ),
     PsfKind(
         "wave",
         wave_psf,

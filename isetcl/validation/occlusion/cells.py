@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as made
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +20,17 @@ from isetcl.render.render import render
 from isetcl.retina.grid import RetinalGrid
 from isetcl.retina.image import RetinalImage
 from isetcl.spectrum import Spectrum
-from isetcl.units import MM_PER_M
+from isetcl.units import ARCMIN_PER_DEG, MM_PER_M
 from isetcl.validation.occlusion.edge_scene import LUMINANCE_CD_M2, EdgeScene
+from isetcl.validation.occlusion.error import noise_freedom, region_error
 
 EyeMaker = Callable[[float, float], Eye]
-REGIONS = ("strip", "outside")
+REGIONS = ("strip", "outside", "away")
+FIGURES = ("rms", "rms_low", "rms_high", "bias")
 
 _SIGMAS = 4.0
-_FORMAT = 1
+_BEYOND = 1.05  # of the largest spot of the axis, for those of the borders
+_FORMAT = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +48,10 @@ class Work:
     seed: int
     device: str | None
     reach_error: float
-    eyes: dict[tuple[float, float], Eye] = field(default_factory=dict, repr=False)
+    psf: str
+    field: int
+    oversampling: int
+    eyes: dict[tuple[float, float], Eye] = made(default_factory=dict, repr=False)
 
     @property
     def offsets(self) -> np.ndarray:
@@ -69,6 +76,9 @@ class Work:
             "reference_spp": self.spp,
             "seed": self.seed,
             "reach_error": self.reach_error,
+            "psf": self.psf,
+            "field": self.field,
+            "oversampling": self.oversampling,
         }
 
     def eye_at(self, edge: EdgeScene, focus: str | float, pupil_mm: float) -> tuple[Eye, float]:
@@ -94,13 +104,18 @@ class Work:
             "resolution": (self.columns, self.rows),
             "wavelengths_nm": self.wavelengths_nm,
         }
-        options: dict[str, Any] = {"psf": "disc"} if self.thin_lens else {}
+        options: dict[str, Any] = {
+            "psf": "disc" if self.thin_lens else self.psf,
+            "field": "centre" if self.thin_lens else self.field,
+            "oversampling": self.oversampling,
+            "psf_cache": False,
+        }
         grid = RetinalGrid.of(eye, where["fov_deg"], where["resolution"])
         white = _white(grid, self.wavelengths_nm)
         if self.thin_lens:
             image = edge.thin_lens_image(grid.x_deg, grid.y_deg, grid.pitch_deg[0], pupil, focus_m)
             truth = np.broadcast_to(image, (len(white), *image.shape))
-            noise = np.zeros_like(truth)
+            noise, freedom = np.zeros_like(truth), 1
         else:
             traced = render(
                 scene,
@@ -114,22 +129,61 @@ class Work:
             check_complete(traced)
             truth = traced.irradiance.values / white
             noise = (traced.standard_error.values / white) ** 2
+            freedom = noise_freedom(traced)
         off = []
         for name in self.methods:
             made: RetinalImage = psf_baseline.render(scene, eye, method=name, **where, **options)
             off.append(made.irradiance.values / white - truth)
-        return self._errors(np.array(off), noise, half_deg * 60.0)
+        blurred = self._blurred_arcmin(eye, edge, pupil, focus_m)
+        found = self._errors(np.array(off), noise, half_deg * 60.0, blurred, freedom)
+        return found | {"blur_reach_arcmin": np.tile(blurred, (len(off), 1))}
+
+    def _blurred_arcmin(
+        self, eye: Eye, edge: EdgeScene, pupil_mm: float, focus_m: float
+    ) -> np.ndarray:
+        """How far from the edge light of the planes is blurred, by wavelength, arcmin."""
+        planes = (edge.near_m, edge.far_m)
+        if self.thin_lens:
+            defocus = max(abs(1.0 / distance - 1.0 / focus_m) for distance in planes)
+            reach = np.degrees(pupil_mm / 2.0 / MM_PER_M * defocus) * ARCMIN_PER_DEG
+            return np.full(len(self.wavelengths_nm), reach)
+        depth_m = _pupil_depth_m(eye)
+        spots = [
+            [eye.spot(0.0, float(w), object_distance_m=d - depth_m) for d in planes]
+            for w in self.wavelengths_nm
+        ]
+        return _BEYOND * np.array(
+            [max(float(np.hypot(s.x_arcmin, s.y_arcmin).max()) for s in pair) for pair in spots]
+        )
 
     def _errors(
-        self, off: np.ndarray, noise: np.ndarray, half_arcmin: float
+        self,
+        off: np.ndarray,
+        noise: np.ndarray,
+        half_arcmin: float,
+        blurred_arcmin: np.ndarray,
+        freedom: int,
     ) -> dict[str, np.ndarray]:
         """Figures of differences (method, wavelength, y, x) with the reference's variance."""
-        inside = np.abs(self.offsets) <= 1.0
-        found: dict[str, np.ndarray] = {}
-        for name, mask in zip(REGIONS, (inside, ~inside), strict=True):
-            square = (off[..., mask] ** 2 - noise[..., mask]).mean(axis=(-2, -1))
-            found[f"{name}_rms"] = np.sqrt(np.maximum(square, 0.0))
-            found[f"{name}_bias"] = off[..., mask].mean(axis=(-2, -1))
+        found: dict[str, np.ndarray] = {
+            f"{region}_{figure}": np.full(off.shape[:2], np.nan)
+            for region in REGIONS
+            for figure in FIGURES
+        }
+        distance = np.abs(self.offsets)
+        pixel = self.offsets[1] - self.offsets[0]
+        for i, blurred in enumerate(blurred_arcmin):
+            inside = distance <= 1.0
+            away = distance > max(1.0, blurred / half_arcmin) + pixel
+            for region, columns in zip(REGIONS, (inside, ~inside, away), strict=True):
+                mask = np.broadcast_to(columns, off.shape[-2:])
+                if not columns.any():
+                    continue
+                for k in range(len(off)):
+                    own = region_error(off[k, i], noise[i], 1.0, mask, freedom)
+                    figures = (own.rms, *own.rms_interval, own.bias)
+                    for figure, value in zip(FIGURES, figures, strict=True):
+                        found[f"{region}_{figure}"][k, i] = value
         found["largest"] = np.abs(off).max(axis=(-2, -1))
         profile = off.mean(axis=-2)
         square = (off**2 - noise).mean(axis=-2)
