@@ -442,6 +442,12 @@ def test_mosaics_that_cannot_be_are_refused(options, message):
         ic.cones.mosaic(**{"fov_deg": 0.3, **options})
 
 
+def test_a_field_too_sparse_for_a_cone_is_refused_as_empty():
+    """Not by the memory of the margin, which is as wide as the cones are far apart."""
+    with pytest.raises(InvalidInputError, match="a field of 1 x 1 deg holds no cone"):
+        ic.cones.mosaic(1.0, density=lambda x, y: np.full(np.shape(x), 1e-30))
+
+
 def test_a_mosaic_too_large_for_the_memory_is_refused_with_its_size(monkeypatch):
     monkeypatch.setattr("isetcl.memory.available_bytes", lambda: 2**28)
     with pytest.raises(

@@ -248,6 +248,8 @@ def test_a_scene_that_is_missing_is_refused_before_there_is_a_folder(isetcl, tmp
         (["--fov", "0.4", "--movie", "60"], "as the gaze moves by up to 0.0"),
         (["--movie", "1e9"], "at most 2 are made at once"),
         (["--size", "40", "--spp", "8"], "--size, --spp: a saved image is not rendered again"),
+        (["--eye", "arizona"], "--eye: a saved image is not rendered again"),
+        (["--pupil", "4", "--accommodation", "centre"], "--pupil, --accommodation: a saved image"),
     ],
 )
 def test_bad_options_are_refused_before_any_work(isetcl, image, tmp_path, arguments, message):

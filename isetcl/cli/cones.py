@@ -66,11 +66,18 @@ def cones(
     ] = 0.0,
     lux: Annotated[float | None, typer.Option(help=_LUX_HELP)] = None,
     age: Annotated[float, typer.Option(help=_AGE_HELP)] = 32.0,
-    eye: Annotated[str, typer.Option(help="Model eye or its file, for scenes.")] = "navarro",
-    pupil: Annotated[float, typer.Option(help="Diameter of the stop (iris), mm.")] = 4.0,
+    eye: Annotated[
+        str | None, typer.Option(help="Model eye or its file, for scenes (default: navarro).")
+    ] = None,
+    pupil: Annotated[
+        float | None, typer.Option(help="Diameter of the stop (iris), mm (default: 4).")
+    ] = None,
     accommodation: Annotated[
-        str, typer.Option(help="As in `isetcl render`: dioptres, a distance, relaxed, centre.")
-    ] = "centre",
+        str | None,
+        typer.Option(
+            help="As in `isetcl render`: dioptres, a distance, relaxed or (default) centre."
+        ),
+    ] = None,
     size: Annotated[int | None, typer.Option(help=_SIZE_HELP)] = None,
     spp: Annotated[
         int | None, typer.Option(help="Samples a pixel, instead of --error or --render-time.")
@@ -126,8 +133,9 @@ def cones(
     if is_image:
         _check_unused(
             {"--size": size, "--spp": spp, "--error": error, "--render-time": render_time}
+            | {"--eye": eye, "--pupil": pupil, "--accommodation": accommodation}
         )
-    focus = inputs.vergence(accommodation)
+    focus = inputs.vergence(accommodation or "centre")
     options = goal_of(spp, error, render_time) | {"seed": seed, "device": device}
     looking = {"dark_rate_hz": wanted["dark_rate_hz"], "seed": seed, "device": device}
     looking["media"] = "as_is"  # the lens is the light's own, or left out by --age 0
@@ -135,7 +143,13 @@ def cones(
     try:
         with as_notes():
             saved = _loaded(source, wanted, path, mat=mat) if is_image else None
-            seen = None if is_image else _scene(source, eye, pupil, focus, allow_outside)
+            seen = (
+                None
+                if is_image
+                else _scene(
+                    source, eye or "navarro", 4.0 if pupil is None else pupil, focus, allow_outside
+                )
+            )
             check_folder(output)
             mosaic = _mosaic(wanted, seed, device)
             light: RetinalImage | IrradianceAtPlaces | None = saved

@@ -150,8 +150,16 @@ class Field:
         return float(np.trapezoid(np.trapezoid(grid, dx=dx), dx=dy))
 
     def check_memory(self, rods: DensityFunction | None = None) -> None:
-        """Raise OutOfMemoryError if there is less memory than the mosaic takes."""
+        """Raise OutOfMemoryError if there is less memory than the mosaic takes.
+
+        InvalidInputError if it would be empty: cones far apart ask for a margin without end.
+        """
         estimate = self.estimate(rods)
+        if estimate.n_cones == 0:
+            raise InvalidInputError(
+                f"a field of {self.width_deg:g} x {self.height_deg:g} deg holds no cone at this "
+                "density; make the field wider, or the density higher"
+            )
         count = f"{estimate.n_cones:.3g} cones"
         count += f", {estimate.n_rods:.3g} rods" if rods is not None else ""
         check_memory(
