@@ -1,4 +1,4 @@
-"""Whether two retinal images lie on one grid."""
+"""Whether two retinal images can be compared: on one grid, and finite."""
 
 from __future__ import annotations
 
@@ -22,6 +22,17 @@ def check_one_grid(image: RetinalImage, reference: RetinalImage) -> None:
                 f"{_grid(image)} and {_grid(reference)}; render both with the same fov_deg, "
                 "resolution, centre_deg and wavelengths_nm"
             )
+
+
+def check_finite_pixels(name: str, image: RetinalImage) -> None:
+    """Raise InvalidInputError, with the first of them, if pixels are NaN or infinite."""
+    bad = ~np.isfinite(image.dataset["irradiance"].values).all(axis=0)
+    if np.any(bad):
+        row, column = np.argwhere(bad)[0]
+        raise InvalidInputError(
+            f"pixels of the {name} must be finite, got {int(np.sum(bad))} that are not, the first "
+            f"in row {row}, column {column}; cut them off or mend what made them"
+        )
 
 
 def _grid(image: RetinalImage) -> str:

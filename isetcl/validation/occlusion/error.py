@@ -15,7 +15,7 @@ import numpy as np
 from isetcl.errors import InvalidInputError, check_type
 from isetcl.retina.depth_edges import occlusion_strip
 from isetcl.retina.image import RetinalImage
-from isetcl.validation.grids import check_one_grid
+from isetcl.validation.grids import check_finite_pixels, check_one_grid
 
 if TYPE_CHECKING:
     import xarray
@@ -129,11 +129,13 @@ def occlusion_error(
     Raises
     ------
     InvalidInputError
-        If grids or wavelengths differ, or neither image has a depth map.
+        If grids or wavelengths differ, a pixel is not finite, or neither image has a depth map.
     """
     check_type("image", image, RetinalImage)
     check_type("reference", reference, RetinalImage)
     check_one_grid(image, reference)
+    check_finite_pixels("image", image)
+    check_finite_pixels("reference", reference)
     depth = reference if reference.vergence_dpt is not None else image
     if depth.vergence_dpt is None:
         raise InvalidInputError(
