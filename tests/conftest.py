@@ -2,6 +2,7 @@
 
 import gc
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -15,6 +16,9 @@ sys.path.insert(0, str(Path(__file__).parent))
 os.environ.setdefault("COLUMNS", "100")
 # What a test finds must not be left over from another run.
 os.environ["ISETCL_PSF_CACHE"] = "off"
+# Shells start jobs in the background with Ctrl-C ignored; the tests press it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="session")

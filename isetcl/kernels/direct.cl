@@ -68,7 +68,8 @@ kernel void render_direct(constant camera_t *camera, constant pupil_t *pupils,
   row += (uint)camera->tile_y;
   column += (uint)camera->tile_x;
   uintv pixel_stream = mix_bits(mix_bits(row * (uint)camera->image_width + column) + stream);
-  const pixelv place = pixel_at(camera, eye_table, row, column);
+  pixelv place;
+  pixel_at(camera, eye_table, row, column, &place);
   realv sum[N_BASIS];
 #pragma unroll
   for (int k = 0; k < N_BASIS; ++k) sum[k] = 0;

@@ -32,26 +32,24 @@ INLINE realv gaussian_stretch(realv rho2) {
 }
 #endif
 
-/* pixel_at - the pixels of a group. */
-INLINE pixelv pixel_at(constant camera_t *camera, global const real *eye_table, uintv row,
-                       uintv column) {
-  pixelv pixel;
+/* pixel_at - the pixels of a group; not as a result, since Oclgrind returns no structures. */
+INLINE void pixel_at(constant camera_t *camera, global const real *eye_table, uintv row,
+                     uintv column, pixelv *pixel) {
 #if HAS_PLACES
   uintv number = row * (uint)camera->image_width + column;
   for (int i = 0; i < WIDTH; ++i) {
     global const real *place = eye_table + camera->places + 6 * (size_t)LANE(number, i);
-    LANE(pixel.x, i) = place[0];
-    LANE(pixel.y, i) = place[1];
-    LANE(pixel.xx, i) = place[2];
-    LANE(pixel.xy, i) = place[3];
-    LANE(pixel.yx, i) = place[4];
-    LANE(pixel.yy, i) = place[5];
+    LANE(pixel->x, i) = place[0];
+    LANE(pixel->y, i) = place[1];
+    LANE(pixel->xx, i) = place[2];
+    LANE(pixel->xy, i) = place[3];
+    LANE(pixel->yx, i) = place[4];
+    LANE(pixel->yy, i) = place[5];
   }
 #else
-  pixel.x = real_from_int(int_from_uint(column));
-  pixel.y = real_from_int(int_from_uint(row));
+  pixel->x = real_from_int(int_from_uint(column));
+  pixel->y = real_from_int(int_from_uint(row));
 #endif
-  return pixel;
 }
 
 /* point_in_pixel - the field angles of a sample; u, v in the unit square. */

@@ -29,7 +29,8 @@ INLINE void start_group(constant camera_t *camera, constant pupil_t *pupils,
   uintv pixel_stream = mix_bits(mix_bits(row * (uint)camera->image_width + column) + stream);
   realv u = sobol_coordinate(sample, 0, pixel_stream);
   realv v = sobol_coordinate(sample, 1, pixel_stream);
-  const pixelv place = pixel_at(camera, eye_table, row, column);
+  pixelv place;
+  pixel_at(camera, eye_table, row, column, &place);
   realv gx, gy;
   point_in_pixel(camera, &place, sobol_coordinate(sample, 2, pixel_stream),
                  sobol_coordinate(sample, 3, pixel_stream), &gx, &gy);
