@@ -127,6 +127,18 @@ MUTATIONS = (
         cases(47),
     ),
     Mutation(
+        "spheres too small",
+        "what rounding leaves along a ray counts as distance from the middle of a sphere",
+        (
+            Edit(
+                "kernels/lib/shapes.cl",
+                "mul_add(-left, left, dot3(px, py, pz, px, py, pz))",
+                "dot3(px, py, pz, px, py, pz)",
+            ),
+        ),
+        cases(48, precisions=("single",)),
+    ),
+    Mutation(
         "float32 accumulator",
         "replicates are added up in single precision",
         (

@@ -253,7 +253,7 @@ def test_a_draft_agrees_with_the_paper_or_says_why_not(number, tmp_path):
 
 
 def check_blurs_are_close(numbers):
-    """Half of those that a pixel does not hide are known to a third, even in a draft."""
+    """Half of those that a pixel does not hide are known to two fifths, even in a draft."""
     shares = [
         numbers["tolerance_arcmin"][pupil][name] / blur
         for pupil, blurs in numbers["blur_arcmin"].items()
@@ -261,7 +261,7 @@ def check_blurs_are_close(numbers):
         if blur > 10.0
     ]
     assert len(shares) >= 6
-    assert np.median(shares) < 1.0 / 3.0
+    assert np.median(shares) < 0.4
 
 
 @pytest.mark.slow

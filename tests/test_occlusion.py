@@ -218,9 +218,14 @@ def test_errors_can_be_had_over_pixels_of_one_s_own_choice():
         found.photopic_over(np.ones(3))
 
 
-def test_images_on_other_grids_or_without_depth_are_refused():
-    with pytest.raises(ic.InvalidInputError, match="same grid"):
+def test_images_on_other_grids_with_holes_or_without_depth_are_refused():
+    with pytest.raises(ic.InvalidInputError, match=r"one grid, got \(60 x .* and \(40 x "):
         occlusion_error(image(1.0), image(1.0, shape=(24, 40)))
+    holed = np.ones((31, 24, 60))
+    holed[3, 5, 7] = np.nan
+    for pair in ((image(holed), image(1.0)), (image(1.0), image(holed))):
+        with pytest.raises(ic.InvalidInputError, match=r"finite, got 1 .* row 5, column 7"):
+            occlusion_error(*pair)
     with pytest.raises(ic.InvalidInputError, match="vergence_dpt"):
         occlusion_error(image(1.0, depth_step=False), image(1.0, depth_step=False))
 

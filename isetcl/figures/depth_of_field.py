@@ -64,7 +64,7 @@ def draw(folder: Path, quality: Quality) -> FigureResult:
         "fov_deg": (30.0, 22.5),
         "resolution": quality.pick((144, 108), (400, 300)),
     }
-    spp, finer = quality.pick((16, 3), (32, 2))
+    spp, finer = quality.pick((10, 2), (32, 2))
     eyes = {pupil: catalog.navarro(pupil, 1.0 / FOCUS_M) for pupil in PUPILS_MM}
     deep = deep_view(quality, scene, eyes[4.0], finer, spp=max(2, spp // finer**2), **view)
     picture = blank(13.0, 3.9)

@@ -67,7 +67,10 @@ INLINE maskv ball_hit(constant ball_t *ball, const pathv *ray, realv least, real
   realv nearest = -dot3(x, y, z, ray->dx, ray->dy, ray->dz);
   realv px = mul_add(nearest, ray->dx, x), py = mul_add(nearest, ray->dy, y),
         pz = mul_add(nearest, ray->dz, z);
-  realv half2 = mul_add((realv)ball->radius, (realv)ball->radius, -dot3(px, py, pz, px, py, pz));
+  /* What rounding leaves along the ray is no distance from it. */
+  realv left = dot3(px, py, pz, ray->dx, ray->dy, ray->dz);
+  realv across2 = mul_add(-left, left, dot3(px, py, pz, px, py, pz));
+  realv half2 = mul_add((realv)ball->radius, (realv)ball->radius, -across2);
   maskv met = half2 > 0;
   realv half_chord = square_root(met ? half2 : (realv)0);
   realv first = nearest - half_chord;

@@ -15,6 +15,7 @@ import numpy as np
 from isetcl.errors import InvalidInputError, check_type
 from isetcl.retina.depth_edges import occlusion_strip
 from isetcl.retina.image import RetinalImage
+from isetcl.validation.grids import check_finite_pixels, check_one_grid
 
 if TYPE_CHECKING:
     import xarray
@@ -128,11 +129,13 @@ def occlusion_error(
     Raises
     ------
     InvalidInputError
-        If grids or wavelengths differ, or neither image has a depth map.
+        If grids or wavelengths differ, a pixel is not finite, or neither image has a depth map.
     """
     check_type("image", image, RetinalImage)
     check_type("reference", reference, RetinalImage)
-    _check_same_grid(image, reference)
+    check_one_grid(image, reference)
+    check_finite_pixels("image", image)
+    check_finite_pixels("reference", reference)
     depth = reference if reference.vergence_dpt is not None else image
     if depth.vergence_dpt is None:
         raise InvalidInputError(
@@ -263,13 +266,3 @@ def _pitch_deg(image: RetinalImage) -> tuple[float, float]:
             "occlusion_error needs an image of more than one pixel, got 1 x 1; raise resolution"
         )
     return width, height
-
-
-def _check_same_grid(image: RetinalImage, reference: RetinalImage) -> None:
-    for name in ("wavelength", "y", "x"):
-        one, other = image.dataset[name].values, reference.dataset[name].values
-        if one.shape != other.shape or not np.allclose(one, other, rtol=0, atol=1e-9):
-            raise InvalidInputError(
-                f"both images must lie on the same grid, but their {name!r} differ "
-                f"({len(one)} and {len(other)} values); render both with the same arguments"
-            )

@@ -14,6 +14,7 @@ import numpy as np
 
 from isetcl.errors import InvalidInputError, check_array, check_count
 from isetcl.retina.image import RetinalImage
+from isetcl.validation.grids import check_one_grid
 
 LEAST_HITS = 25.0
 """Effective hits, (sum x)^2 / sum x^2, that a block needs in each image."""
@@ -179,23 +180,8 @@ def image_arm(name: str, image: object) -> AnyArm:
 
 def check_alike(one: object, other: object) -> None:
     """Raise InvalidInputError unless two retinal images lie on one grid."""
-    if not (isinstance(one, RetinalImage) and isinstance(other, RetinalImage)):
-        return
-    for axis in ("wavelength", "y", "x"):
-        a, b = one.dataset[axis].values, other.dataset[axis].values
-        if a.shape != b.shape or not np.allclose(a, b, rtol=1e-9, atol=1e-9):
-            raise InvalidInputError(
-                f"image and reference must lie on one grid, got {_grid(one)} and {_grid(other)}; "
-                "render both with the same fov_deg, resolution, centre_deg and wavelengths_nm"
-            )
-
-
-def _grid(image: RetinalImage) -> str:
-    parts = []
-    for axis, unit in (("x", "deg"), ("y", "deg"), ("wavelength", "nm")):
-        values = image.dataset[axis].values
-        parts.append(f"{len(values)} {axis} {values[0]:.6g} to {values[-1]:.6g} {unit}")
-    return f"({', '.join(parts)})"
+    if isinstance(one, RetinalImage) and isinstance(other, RetinalImage):
+        check_one_grid(one, other)
 
 
 def _estimate(name: str, image: RetinalImage) -> Estimate:
