@@ -92,7 +92,9 @@ def slanted_edge_mtf(
     Notes
     -----
     Where the transfer is smaller than about twice its standard error, noise still raises it.
-    Brightness that changes evenly along the edge, on each side by itself, is allowed for.
+    Brightness that changes evenly along the edge, on each side by itself, is allowed for. An image
+    of floating-point numbers that was clipped on both sides, and without noise, cannot be told from
+    a sharper edge.
 
     Light that the edge spreads beyond the region is not seen; left out, a share s of it raises the
     transfer by up to 1.8 s. Diffraction by a round pupil with cut-off f_c (cycles/degree) spreads
