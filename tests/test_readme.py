@@ -82,11 +82,11 @@ def test_the_commands_about_cones_and_validation_are_understood():
         for line in b.splitlines()
     ]
     parsed = [group[words[0]].make_context(words[0], words[1:]).params for words in lines]
-    assert [p.get("movie") for p in parsed] == [60.0, *[None] * 5]
-    assert parsed[1]["centre"] == "1,0"
-    assert str(parsed[3]["report"]) == "report"
-    assert parsed[4]["numbers"] == [3, 10]
-    assert parsed[5]["plot"]
+    assert [p.get("movie") for p in parsed] == [60.0, *[None] * 6]
+    assert [parsed[1]["centre"], parsed[2]["centre"]] == ["0.6,0", "1,0"]
+    assert str(parsed[4]["report"]) == "report"
+    assert parsed[5]["numbers"] == [3, 10]
+    assert parsed[6]["plot"]
 
 
 def test_the_command_with_photographs_is_understood(monkeypatch):
