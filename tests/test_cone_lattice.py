@@ -239,6 +239,14 @@ def test_seven_cones_in_ten_are_six_sided_at_the_fovea_as_measured(parafovea):
     assert "70 % six-sided, here" in str(quality)
 
 
+def test_few_cones_are_not_divided_into_bands_of_fewer(parafovea):
+    few = ic.cones.mosaic(0.3, (5.0, 0.0)).quality()
+    assert few.n_cones < 200
+    assert few.six_sided.shape == (1,)
+    many = parafovea.quality()
+    assert many.six_sided.shape == (min(many.n_cones // 200, 10),)
+
+
 def test_half_of_the_cones_are_six_sided_in_the_parafovea_as_measured():
     # Li & Roorda 2007 and Legras et al. 2018: about half; Lombardo et al. 2013: 40 to 50 %.
     quality = ic.cones.mosaic(1.0, (4.0, 0.0), seed=3).quality(bands=1)

@@ -194,6 +194,24 @@ def test_the_paper_s_figure_12_sums_are_wrong_near_the_edge_only(figure_12):
     assert wrong["profile"].values[12:20].mean() > 0.05
 
 
+def test_where_no_error_is_found_the_figure_shows_the_one_there_may_be():
+    import xarray
+    from matplotlib.figure import Figure
+
+    from isetcl.validation.occlusion.picture import _draw_by
+
+    errors = {"rms": [0.0, 0.2], "rms_low": [0.0, 0.1], "rms_high": [0.05, 0.3]}
+    data = xarray.Dataset(
+        {f"strip_{k}": (("kind", "pupil_mm"), [v]) for k, v in errors.items()},
+        {"kind": ["layered_sum"], "pupil_mm": [2.0, 4.0]},
+    )
+    ax = Figure().subplots()
+    _draw_by(data, "pupil_mm", {"layered_sum": "k"}, ax)
+    marks = {line.get_marker(): line.get_xydata() for line in ax.lines}
+    np.testing.assert_allclose(marks["v"], [(2.0, 5.0)])
+    np.testing.assert_allclose(marks["o"], [(4.0, 20.0)])
+
+
 @pytest.mark.slow
 def test_table_figure_and_file_tell_the_same(figure_12, tmp_path):
     import xarray

@@ -21,6 +21,7 @@ from isetcl.cones.retinal_scale import RetinalScale
 from isetcl.errors import InvalidInputError, check_array, check_count
 from isetcl.eye.model import Eye
 
+_CONES_OF_A_BAND, _MOST_BANDS = 200, 10
 _FARTHEST_CORNER = 1.3  # spacings: a hexagon's corners are at 0.58, those at a border far away
 
 
@@ -111,7 +112,7 @@ def mosaic_quality(
     *,
     density: str | DensityFunction | None = None,
     scale: str | float | Eye = "watson2014",
-    bands: int = 10,
+    bands: int | None = None,
 ) -> MosaicQuality:
     """How regular the cones of a mosaic lie, and how near their density is to the wanted one.
 
@@ -125,14 +126,16 @@ def mosaic_quality(
     scale
         Degrees to mm, as the mosaic was made with; only functions and Watson's density use it.
     bands
-        Bands of eccentricity that share the cones evenly.
+        Bands of eccentricity that share the cones evenly; None takes one for every 200 cones, and
+        not more than 10.
 
     Raises
     ------
     InvalidInputError
         If the mosaic has too few cones for any to have neighbours all round.
     """
-    check_count("bands", bands)
+    if bands is not None:
+        check_count("bands", bands)
     cells = VoronoiCells.of(mosaic)
     wanted = _wanted(mosaic, density, scale, cells)
     inside = cells.is_inside
@@ -140,6 +143,8 @@ def mosaic_quality(
     distance = cells.distance_mm[both] / cells.spacing_mm[cells.pairs[both]].mean(axis=1)
     nearest = (cells.nearest_mm / cells.spacing_mm)[inside]
     ecc, area = cells.eccentricity_deg[inside], cells.area_mm2[inside]
+    if bands is None:
+        bands = min(max(len(ecc) // _CONES_OF_A_BAND, 1), _MOST_BANDS)
     borders = np.quantile(ecc, np.linspace(0.0, 1.0, bands + 1))
     band = np.clip(np.searchsorted(borders, ecc, side="right") - 1, 0, bands - 1)
     if wanted is None:

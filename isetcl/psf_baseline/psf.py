@@ -32,8 +32,8 @@ from isetcl.units import MM_PER_M
 
 MAX_KERNEL_PIXELS = 4096
 
-_PUPIL_RAYS = 1 << 16
-_RADIAL_RAYS = 2048
+PUPIL_RAYS = 1 << 16
+RADIAL_RAYS = 2048
 _BINS_PER_PIXEL = 8
 _CORNEA_CLEARANCE_MM = 8.0
 _SUM_TOLERANCE = 1e-6
@@ -144,7 +144,7 @@ def _axial_spread(
     """Signed distances from the axis in degrees, and flux, of a fan of rays from an axial point."""
     pupil = paraxial.entrance_pupil(eye, wavelength_nm)
     # A little more than the paraxial pupil; the stop decides.
-    heights = 1.05 * pupil.radius_mm * np.sqrt((np.arange(_RADIAL_RAYS) + 0.5) / _RADIAL_RAYS)
+    heights = 1.05 * pupil.radius_mm * np.sqrt((np.arange(RADIAL_RAYS) + 0.5) / RADIAL_RAYS)
     origins, directions = launch(
         np.stack([np.zeros_like(heights), heights], axis=1),
         vergence_dpt,
@@ -163,7 +163,7 @@ def spread_deg(
     wavelength_nm: float,
     vergence_dpt: float,
     field_deg: tuple[float, float],
-    count: int = _PUPIL_RAYS,
+    count: int = PUPIL_RAYS,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Offsets (x, y) from the chief ray in degrees, and flux, of rays that fill the pupil.
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from isetcl.eye.model import Eye
 from isetcl.psf_baseline.outgoing import gathered_deg, gathered_fan_deg
-from isetcl.psf_baseline.psf import Psf, deposited, turned
-
-_PUPIL_RAYS = 1 << 16
-_RADIAL_RAYS = 2048
+from isetcl.psf_baseline.psf import PUPIL_RAYS, RADIAL_RAYS, Psf, deposited, turned
 
 
 def gathered_psf(
@@ -35,7 +32,7 @@ def gathered_psf(
         Not used: the rays end.
     """
     if field_deg == (0.0, 0.0) and eye.is_rotational:
-        radius, weights = gathered_fan_deg(eye, wavelength_nm, vergence_dpt, _RADIAL_RAYS)
+        radius, weights = gathered_fan_deg(eye, wavelength_nm, vergence_dpt, RADIAL_RAYS)
         return turned(radius / pitch_deg, weights, pitch_deg)
-    x, y, weights = gathered_deg(eye, wavelength_nm, vergence_dpt, field_deg, _PUPIL_RAYS)
+    x, y, weights = gathered_deg(eye, wavelength_nm, vergence_dpt, field_deg, PUPIL_RAYS)
     return deposited(x / pitch_deg, y / pitch_deg, weights, pitch_deg)

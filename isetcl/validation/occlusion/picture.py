@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from isetcl.validation.log_axis import plain_ticks
+
 if TYPE_CHECKING:
     import xarray
     from matplotlib.axes import Axes
@@ -80,6 +82,7 @@ def _draw_errors(data: xarray.Dataset, ax: Axes) -> None:
     ax.set_yticks(range(len(kinds)), [k.replace("_", " ") for k in kinds])
     ax.invert_yaxis()
     ax.set_xscale("log")
+    plain_ticks(ax.xaxis)
     ax.set_xlabel("root mean square error (% of an even field)")
     ax.set_title("every cell of the grid", fontsize=10)
     ax.grid(axis="x", alpha=0.3)
@@ -125,19 +128,30 @@ def _draw_profiles(data: xarray.Dataset, ax: Axes) -> dict[str, str]:
 
 
 def _draw_by(data: xarray.Dataset, name: str, colours: dict[str, str], ax: Axes) -> None:
-    """Error in the strip of the methods drawn above, by one setting: mean over all others."""
+    """Error in the strip of the methods drawn above, by one setting: mean over all others.
+
+    Where no error is found, the one that there may be, with an arrow to what is less.
+    """
     rest = [d for d in data["strip_rms"].dims if d not in (name, "kind")]
-    square = (data["strip_rms"] ** 2).mean(rest, skipna=True)
+    found, low, high = (
+        100.0 * np.sqrt((data[f"strip_{which}"] ** 2).mean(rest, skipna=True))
+        for which in ("rms", "rms_low", "rms_high")
+    )
     values = data[name].values
     is_number = np.issubdtype(values.dtype, np.number)
     places = values if is_number else np.arange(len(values))
     for kind, colour in colours.items():
-        errors = 100.0 * np.sqrt(square.sel(kind=kind).values)
-        ax.plot(places, np.maximum(errors, _LEAST_PERCENT), "o-", ms=4, lw=1.3, color=colour)
+        is_found = low.sel(kind=kind).values > 0.0
+        shown = np.where(is_found, found.sel(kind=kind), high.sel(kind=kind))
+        shown = np.maximum(shown, _LEAST_PERCENT)
+        ax.plot(places, shown, lw=1.3, color=colour)
+        for mask, mark in ((is_found, "o"), (~is_found, "v")):
+            ax.plot(places[mask], shown[mask], mark, ms=5, color=colour)
     if not is_number:
         ax.set_xticks(places, [str(v) for v in values])
         ax.margins(x=0.2)
     ax.set_yscale("log")
+    plain_ticks(ax.yaxis)
     ax.set_xlabel(_LABELS[name])
     ax.grid(alpha=0.3)
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from isetcl.errors import InvalidInputError, check_choice
+from isetcl.validation.log_axis import plain_ticks
 
 if TYPE_CHECKING:
     import xarray
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
 
 _MARKERS = "osD^vPX*hp<>"
 _FEWEST_DECADES = 0.3
-_FEW_DECADES = 3.0
 _CONE_NOISE = "cone_noise"
 _CLEAR = 10.0
 
@@ -49,7 +49,6 @@ def draw(result: WorkPrecision, ax: Axes | None = None, error: str = "rmse") -> 
 def _draw(result: WorkPrecision, ax: Axes | None, error: str) -> Axes:
     from matplotlib import colormaps
     from matplotlib.figure import Figure
-    from matplotlib.ticker import LogLocator, NullFormatter
 
     data = result.dataset
     has_times = bool(result.provenance.get("has_times", True))
@@ -85,10 +84,7 @@ def _draw(result: WorkPrecision, ax: Axes | None, error: str) -> Axes:
     if error == "rmse":
         _shade(result, ax)
     for axis in (ax.xaxis, ax.yaxis):
-        few = np.ptp(np.log10(axis.get_view_interval())) < _FEW_DECADES
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,)))
-        axis.set_major_formatter("{x:g}")
-        axis.set_minor_formatter(NullFormatter())
+        plain_ticks(axis)
     clock = {"wall": "time of an image (s)", "cpu": "processor time of an image (s)"}
     ax.set_xlabel(clock[result.provenance["time"]] if has_times else "knob (times were too noisy)")
     ax.set_ylabel(_ylabel(error))
